@@ -1,0 +1,247 @@
+"""Verlet: drift, kick, drift, with the clock and the limits of the time step on the device.
+
+Vasco (2014) eq 76-80, with F and D the rates of velocity and density:
+
+    x^(n+1/2) = x^n + dt/2 u^n                   rho^(n+1/2) = rho^n + dt/2 D^n
+    u^(n+1)   = u^n + dt F(x, u, rho at n+1/2)
+    x^(n+1)   = x^(n+1/2) + dt/2 u^(n+1)         rho^(n+1)   = rho^(n+1/2) + dt/2 D(x, u at n+1)
+
+F needs a velocity at n+1/2, which the thesis leaves open: u^n + dt/2 F^(n-1/2).
+"""
+
+import warp as wp
+
+from .parameters import Parameters
+from .state_equation import pressure
+
+# What can be wrong with a particle; the host has a sentence for each.
+SOUND = wp.constant(0)
+NOT_FINITE = wp.constant(1)
+TOO_LIGHT = wp.constant(2)
+TOO_DENSE = wp.constant(3)
+TOO_FAST = wp.constant(4)
+OUTSIDE = wp.constant(5)
+
+
+@wp.kernel(enable_backward=False)
+def drift_half(
+    first: int,
+    parameters: Parameters,
+    dt: wp.array[float],
+    velocity: wp.array[wp.vec3],
+    xsph_velocity: wp.array[wp.vec3],
+    acceleration: wp.array[wp.vec3],
+    density_rate: wp.array[float],
+    fluid: wp.array[int],
+    position_inout: wp.array[wp.vec3d],
+    density_inout: wp.array[wp.float64],
+    position_volume_out: wp.array[wp.vec4],
+    velocity_pressure_out: wp.array[wp.vec4],
+):
+    """Position and density to n+1/2 (eq 76, 77), pressure by the state equation, velocity predicted."""
+    i = first + wp.tid()
+    f = fluid[i]
+    half = 0.5 * dt[0]
+    x = position_inout[i] + wp.vec3d(half * (velocity[i] + xsph_velocity[i]))
+    rho = density_inout[i] + wp.float64(half * density_rate[i])
+    u = velocity[i] + half * acceleration[i]
+    p = pressure(rho, parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f])
+    position_inout[i] = x
+    density_inout[i] = rho
+    position_volume_out[i] = wp.vec4(float(x[0]), float(x[1]), float(x[2]), parameters.mass[f] / float(rho))
+    velocity_pressure_out[i] = wp.vec4(u[0], u[1], u[2], p)
+
+
+@wp.func
+def longest_step(parameters: Parameters, c: float, alpha: float, u: wp.vec3, a: wp.vec3, wall_distance: float) -> float:
+    """Longest stable step [s]: the least of
+
+    sound      courant h / (c + |u|)                    Monaghan (1989)
+    force      0.3 sqrt(h / |a|)                        Monaghan (1992)
+    viscosity  0.25 h^2 / nu, nu = alpha c h / 8        Morris, Fox & Zhu (1997)
+    wall       0.5 r / |u|, r the nearest wall point    in place of the thesis's |r - dx| / V, which can vanish
+    """
+    h = parameters.smoothing_length
+    speed = wp.length(u)
+    dt = parameters.courant * h / (c + speed)
+    dt = wp.min(dt, 0.3 * wp.sqrt(h / wp.max(wp.length(a), 1.0e-9)))
+    dt = wp.min(dt, 2.0 * h / wp.max(alpha * c, 1.0e-9))
+    return wp.min(dt, 0.5 * wall_distance / wp.max(speed, 1.0e-9))
+
+
+@wp.func
+def find_fault(parameters: Parameters, x: wp.vec3d, u: wp.vec3, rho: wp.float64, rest_density: float, c: float) -> int:
+    """What is absurd about a particle, relative to its own material."""
+    compression = float(rho) / rest_density
+    speed = wp.length(u)
+    p = wp.vec3(x)
+    if not (wp.isfinite(compression) and wp.isfinite(speed) and wp.isfinite(wp.length(p))):
+        return NOT_FINITE
+    if compression < parameters.least_compression:
+        return TOO_LIGHT
+    if compression > parameters.most_compression:
+        return TOO_DENSE
+    if speed > c:
+        return TOO_FAST
+    lower, upper = parameters.lower, parameters.upper
+    if p[0] < lower[0] or p[1] < lower[1] or p[2] < lower[2] or p[0] > upper[0] or p[1] > upper[1] or p[2] > upper[2]:
+        return OUTSIDE
+    return SOUND
+
+
+@wp.kernel(enable_backward=False)
+def kick_and_drift(
+    first: int,
+    parameters: Parameters,
+    dt: wp.array[float],
+    damping: wp.array[float],
+    pressure_acceleration: wp.array[wp.vec3],
+    dissipative_acceleration: wp.array[wp.vec3],
+    wall_acceleration: wp.array[wp.vec3],
+    wall_distance: wp.array[float],
+    xsph_velocity: wp.array[wp.vec3],
+    density: wp.array[wp.float64],
+    fluid: wp.array[int],
+    listed_position: wp.array[wp.vec3],
+    position_inout: wp.array[wp.vec3d],
+    velocity_inout: wp.array[wp.vec3],
+    work_inout: wp.array[wp.vec3d],
+    position_volume_inout: wp.array[wp.vec4],
+    velocity_pressure_out: wp.array[wp.vec4],
+    acceleration_out: wp.array[wp.vec3],
+    dt_limit_out: wp.array[float],
+    moved_out: wp.array[float],
+    speed_out: wp.array[float],
+    fault_out: wp.array[int],
+):
+    """Velocity to n+1 (eq 78), position to n+1 (eq 79), the work of each force, and what the next step may be.
+
+    The work done in a step is m a . (u^n + u^(n+1)) / 2 dt: with it the kinetic energy is accounted for exactly.
+    Damping is u' = -damping u; it and the held fluids are the only places where velocity is not moved by a force.
+    """
+    i = first + wp.tid()
+    f = fluid[i]
+    step = dt[0]
+    m = parameters.mass[f]
+    free = parameters.mobility[f]
+    a = free * (parameters.gravity + pressure_acceleration[i] + dissipative_acceleration[i] + wall_acceleration[i])
+    u_old = velocity_inout[i]
+    u_kicked = u_old + step * a
+    u = u_kicked * wp.exp(-damping[0] * step)
+    x = position_inout[i] + wp.vec3d(0.5 * step * (u + xsph_velocity[i]))
+
+    path = free * step * m * 0.5 * (u_old + u_kicked)
+    work_inout[i] = work_inout[i] + wp.vec3d(
+        -wp.float64(wp.dot(dissipative_acceleration[i], path)),
+        wp.float64(wp.dot(wall_acceleration[i], path)),
+        wp.float64(0.5 * m * (wp.dot(u_kicked, u_kicked) - wp.dot(u, u))),
+    )
+    position_inout[i] = x
+    velocity_inout[i] = u
+    x_rounded = wp.vec3(x)
+    position_volume_inout[i] = wp.vec4(x_rounded[0], x_rounded[1], x_rounded[2], position_volume_inout[i][3])
+    velocity_pressure_out[i] = wp.vec4(u[0], u[1], u[2], 0.0)
+    acceleration_out[i] = a
+
+    c = parameters.sound_speed[f]
+    dt_limit_out[i] = longest_step(parameters, c, parameters.alpha[f], u, a, wall_distance[i])
+    moved_out[i] = wp.length(x_rounded - listed_position[i])
+    speed_out[i] = wp.length(u)
+    fault_out[i] = find_fault(parameters, x, u, density[i], parameters.rest_density[f], c)
+
+
+@wp.kernel(enable_backward=False)
+def finish_density(
+    first: int,
+    dt: wp.array[float],
+    density_rate: wp.array[float],
+    density_inout: wp.array[wp.float64],
+):
+    """Density to n+1 (eq 80)."""
+    i = first + wp.tid()
+    density_inout[i] = density_inout[i] + wp.float64(0.5 * dt[0] * density_rate[i])
+
+
+@wp.kernel(enable_backward=False)
+def watch_blocks(
+    first: int,
+    particle_count: int,
+    block_size: int,
+    dt_limit: wp.array[float],
+    moved: wp.array[float],
+    speed: wp.array[float],
+    fault: wp.array[int],
+    extremes_out: wp.array[wp.vec3],
+    fault_slot_out: wp.array[int],
+):
+    """Least dt limit, farthest motion, highest speed, and the first faulty slot of a block of particles (-1: none)."""
+    block = first + wp.tid()
+    extremes = wp.vec3(wp.inf, 0.0, 0.0)
+    slot = int(-1)
+    for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
+        extremes = wp.vec3(
+            wp.min(extremes[0], dt_limit[i]), wp.max(extremes[1], moved[i]), wp.max(extremes[2], speed[i])
+        )
+        if slot < 0 and fault[i] != SOUND:
+            slot = i
+    extremes_out[block] = extremes
+    fault_slot_out[block] = slot
+
+
+@wp.func
+def aim(time: wp.float64, target: wp.float64, dt_limit: float) -> float:
+    """The next step: the limit, shortened so that a whole number of equal steps ends at the target."""
+    remaining = float(target - time)
+    return remaining / wp.max(wp.ceil(remaining / dt_limit), 1.0)
+
+
+@wp.kernel(enable_backward=False)
+def advance_clock(
+    first: int,
+    block_count: int,
+    extremes: wp.array[wp.vec3],
+    block_fault_slot: wp.array[int],
+    particle_fault: wp.array[int],
+    target: wp.array[wp.float64],
+    time_inout: wp.array[wp.float64],
+    dt_inout: wp.array[float],
+    dt_limit_out: wp.array[float],
+    step_inout: wp.array[int],
+    moved_out: wp.array[float],
+    speed_out: wp.array[float],
+    fault_inout: wp.array[int],
+    fault_slot_inout: wp.array[int],
+):
+    """Time and step count go on, the next step is chosen, the first fault stops the clock. One thread."""
+    i = first + wp.tid()
+    whole = wp.vec3(wp.inf, 0.0, 0.0)
+    for b in range(block_count):
+        e = extremes[b]
+        whole = wp.vec3(wp.min(whole[0], e[0]), wp.max(whole[1], e[1]), wp.max(whole[2], e[2]))
+        if fault_inout[i] == SOUND and block_fault_slot[b] >= 0:
+            fault_slot_inout[i] = block_fault_slot[b]
+            fault_inout[i] = particle_fault[block_fault_slot[b]]
+    dt = dt_inout[i]
+    time = time_inout[i] + wp.float64(dt)
+    if wp.abs(target[i] - time) < wp.float64(1.0e-3 * dt):
+        time = target[i]
+    if dt > 0.0:
+        step_inout[i] = step_inout[i] + 1
+    time_inout[i] = time
+    dt_inout[i] = wp.where(fault_inout[i] == SOUND, aim(time, target[i], whole[0]), 0.0)
+    dt_limit_out[i] = whole[0]
+    moved_out[i] = whole[1]
+    speed_out[i] = whole[2]
+
+
+@wp.kernel(enable_backward=False)
+def aim_clock(
+    first: int,
+    time: wp.array[wp.float64],
+    target: wp.array[wp.float64],
+    dt_limit: wp.array[float],
+    dt_out: wp.array[float],
+):
+    """The next step after the host has set a new target. One thread."""
+    i = first + wp.tid()
+    dt_out[i] = aim(time[i], target[i], dt_limit[i])

@@ -1,0 +1,40 @@
+"""The numbers that kernels read. Formulas are closed over (see README); numbers travel here, so a sweep never recompiles."""
+
+import warp as wp
+
+
+@wp.struct
+class Parameters:
+    """Constants of one model. Arrays have one entry for each fluid of the scene."""
+
+    # smoothing
+    smoothing_length: float  # h [m]
+    inverse_h: float  # 1 / h [1/m]
+    kernel_norm: float  # n: W = n w(q) [1/m^D]
+    gradient_norm: float  # n / h^2: grad W = n / h^2 s(q) x_ij [1/m^(D+2)]
+    inverse_shape_dx: float  # 1 / w(dx / h), for the tensile correction
+    # neighbour lists
+    list_radius: float  # support h (1 + skin) [m]
+    list_capacity: int  # longest row that fits
+    row_stride: int  # entry k of row i lies at i row_stride + k column_stride
+    column_stride: int
+    # forces
+    gravity: wp.vec3  # [m/s2]
+    viscosity_beta: float  # beta of eq 58
+    xsph: float  # epsilon of eq 40
+    wall_strength: float  # K / (beta c^2): wall force factor, dimensionless
+    wall_alpha: float  # artificial viscosity against the wall, divided by beta
+    # time step
+    courant: float
+    # limits beyond which a particle is absurd
+    least_compression: float  # rho / rho0
+    most_compression: float
+    lower: wp.vec3  # corner of the box that no particle leaves [m]
+    upper: wp.vec3
+    # one entry for each fluid
+    mass: wp.array[float]  # [kg], or [kg/m] in 2-D
+    rest_density: wp.array[float]  # rho0 [kg/m3]
+    sound_speed: wp.array[float]  # c [m/s]
+    stiffening: wp.array[float]  # 1: Tait, 0: linear state equation
+    alpha: wp.array[float]  # artificial viscosity
+    mobility: wp.array[float]  # 1: free, 0: held at its gate

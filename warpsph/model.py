@@ -1,0 +1,127 @@
+"""Model: everything about a run that does not change from step to step."""
+
+import math
+
+import numpy as np
+import warp as wp
+
+from warpsph.geometry import Placement
+from warpsph.kernels.parameters import Parameters
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.launch import Launcher
+from warpsph.scene import Material, Scene
+
+# The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
+# loop (1 + skin)^2, a shorter one costs a rebuild more often.
+SKIN = 0.15
+# Rows hold this many times the neighbours of an undisturbed lattice; a fluller row makes the list grow.
+ROOM = 1.5
+# A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
+LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
+
+
+class Model:
+    """Constants of a run: parameters for kernels, walls with their grid, initial particles, the choice of formulas.
+
+    Attributes:
+        particle_count: Number of fluid particles.
+        initial_position: [m], float64, shape [particle_count, 3].
+        initial_velocity: [m/s], shape [particle_count, 3].
+        initial_density: [kg/m3], hydrostatic below each fluid's top, shape [particle_count].
+        initial_fluid: Index into `scene.fluids`, shape [particle_count].
+        wall_position: Wall points [m], on the device, shape [wall_count].
+    """
+
+    def __init__(self, scene: Scene, placement: Placement, launcher: Launcher) -> None:
+        self.scene = scene
+        self.launcher = launcher
+        device = launcher.device
+        materials = [scene.materials[fluid.material] for fluid in scene.fluids]
+
+        self.particle_count = len(placement.position)
+        self.initial_position = placement.position
+        self.initial_velocity = placement.velocity
+        self.initial_fluid = placement.fluid
+        self.initial_density = hydrostatic_density(materials, placement, scene.gravity)
+        self.fluid_names = [fluid.name for fluid in scene.fluids]
+        self.spacing = scene.spacing
+        self.cell_size = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length * (1.0 + SKIN)
+        self.skin = self.cell_size * SKIN / (1.0 + SKIN)
+
+        self.parameters = self._parameters(scene, placement, materials)
+        self.wall_position = wp.array(placement.wall_position, dtype=wp.vec3, device=device)
+        # A plane of cells for a plane scene: a third faster than a cube of them.
+        self.grid_shape = (256, 1, 32) if scene.dimensions == 2 else (128, 128, 128)
+        self.wall_grid = wp.HashGrid(*self.grid_shape, device=device)
+        self.wall_grid.build(self.wall_position, self.cell_size)
+
+    def _parameters(self, scene: Scene, placement: Placement, materials: list[Material]) -> Parameters:
+        kernel = SMOOTHING[scene.smoothing.kernel]
+        dimensions, dx, h = scene.dimensions, scene.spacing, scene.smoothing_length
+        norm = kernel.normalisation[dimensions] / h**dimensions
+        lattice = math.pi * (self.cell_size / dx) ** 2 if dimensions == 2 else 4.19 * (self.cell_size / dx) ** 3
+
+        p = Parameters()
+        p.smoothing_length, p.inverse_h = h, 1.0 / h
+        p.kernel_norm, p.gradient_norm = norm, norm / h**2
+        p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
+        p.list_radius = self.cell_size
+        self.set_list_capacity(p, math.ceil(ROOM * lattice))
+        p.gravity = wp.vec3(0.0, 0.0, -scene.gravity)
+        p.viscosity_beta = scene.viscosity_beta
+        p.xsph = scene.xsph
+        # beta points stand where one fluid particle would in the plane, beta^2 in space.
+        points = scene.wall_model.refinement ** (dimensions - 1)
+        p.wall_strength = scene.wall_model.strength / points
+        p.wall_alpha = scene.wall_model.alpha / points
+        p.courant = scene.run.courant
+        p.least_compression, p.most_compression = LEAST_COMPRESSION, MOST_COMPRESSION
+        p.lower, p.upper = domain(placement, 2.0 * h)
+
+        def table(values: list[float]) -> wp.array:
+            return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
+
+        p.mass = table([material.density * dx**dimensions for material in materials])
+        p.rest_density = table([material.density for material in materials])
+        p.sound_speed = table([material.sound_speed for material in materials])
+        p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])
+        p.alpha = table([material.alpha for material in materials])
+        p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
+        return p
+
+    def pressure(self, density: np.ndarray, fluid: np.ndarray) -> np.ndarray:
+        """Pressure [Pa], float32, from density [kg/m3] and fluid index, both of shape [n]: the state equation of the kernels."""
+        p = self.parameters
+        rest, c, stiffening = (a.numpy()[fluid].astype(float) for a in (p.rest_density, p.sound_speed, p.stiffening))
+        x = density / rest
+        return (c**2 * rest * np.where(stiffening > 0.5, (x**7 - 1.0) / 7.0, x - 1.0)).astype(np.float32)
+
+    def set_list_capacity(self, parameters: Parameters, capacity: int) -> None:
+        """Room for `capacity` neighbours a particle: row by row on the CPU, column by column on a GPU (coalesced)."""
+        parameters.list_capacity = capacity
+        if self.launcher.device.is_cuda:
+            parameters.row_stride, parameters.column_stride = 1, self.particle_count
+        else:
+            parameters.row_stride, parameters.column_stride = capacity, 1
+
+
+def domain(placement: Placement, margin: float) -> tuple[wp.vec3, wp.vec3]:
+    """The box that no particle may leave: the walls' own, `margin` wider [m], without a lid. A plane scene is flat."""
+    points = np.concatenate([placement.wall_position, placement.position])
+    lower, upper = points.min(axis=0) - margin, points.max(axis=0) + margin
+    upper[2] = np.inf
+    return wp.vec3(*lower), wp.vec3(*upper)
+
+
+def hydrostatic_density(materials: list[Material], placement: Placement, gravity: float) -> np.ndarray:
+    """Density [kg/m3], shape [particle_count], at which each fluid carries its own weight: p = rho0 g depth."""
+    density = np.empty(len(placement.position))
+    for index, material in enumerate(materials):
+        mine = placement.fluid == index
+        rho0, c = material.density, material.sound_speed
+        compression = gravity * placement.initial_depth[mine] / c**2
+        if material.state_equation == "tait":
+            density[mine] = rho0 * (1.0 + 7.0 * compression) ** (1.0 / 7.0)
+        else:
+            density[mine] = rho0 * (1.0 + compression)
+    return density

@@ -1,0 +1,470 @@
+"""The scene file: its fields with their units, and plain words for whatever is wrong with them.
+
+A scene is one YAML file. `load_scene` reads it into the frozen models below, which are also the JSON Schema that an
+editor completes from. Every mistake ends as a `SceneError` whose text is the finished line for the user:
+
+    landslide.yaml:31: fluids[1].material: no material named 'watr'; did you mean 'water'?
+
+SI units throughout, z up, angles in degrees. A point is [x, z].
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from warpsph.scene_file import SceneError, SourceMap, apply_override, nearest, read_text, read_yaml, show
+
+# ----------------------------------------------------------------------------------------------------- words and types
+
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+COLOR = r"^#[0-9A-Fa-f]{6}$"
+
+
+def _fault(message: str, path: str = "") -> PydanticCustomError:
+    """A mistake found by a validator; `path` leads from the validated part to the field at fault."""
+    return PydanticCustomError("fault", "{message}", {"message": message, "path": path})
+
+
+def _pair(value: Any) -> Any:
+    if not isinstance(value, (list, tuple)):
+        raise _fault(f"two numbers [a, b] are needed, not {show(value)}")
+    if len(value) != 2:
+        raise _fault(f"two numbers [a, b] are needed, not {len(value)}")
+    return value
+
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Real, Field(gt=0)]
+NotNegative = Annotated[Real, Field(ge=0)]
+Switch = Annotated[bool, Field(strict=True)]
+Name = Annotated[str, Field(pattern=NAME)]
+Pair = Annotated[tuple[Real, Real], BeforeValidator(_pair)]
+
+
+class Part(BaseModel):
+    """A mapping of the scene file: no field beyond the known ones, nothing changes after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _know_every_key(cls, data: Any) -> Any:
+        # Before anything else, so that a misspelt key is named rather than the field that it leaves missing.
+        if isinstance(data, dict):
+            for key in data:
+                if key not in cls.model_fields:
+                    raise _fault(f"no such field{nearest(key, cls.model_fields)}", str(key))
+        return data
+
+    def _need_one_of(self, *names: str) -> None:
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise _fault(f"exactly one of {', '.join(names)} is needed, not {' and '.join(given) or 'none'}")
+
+
+# ---------------------------------------------------------------------------------------------------------- the models
+
+
+class Smoothing(Part):
+    """The smoothing kernel."""
+
+    kernel: Literal["wendland_c2", "cubic_spline", "gaussian"] = Field(
+        "wendland_c2", description="Smoothing kernel W [-]."
+    )
+    ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
+        1.5, description="Smoothing length over particle spacing, h/dx [-]."
+    )
+
+
+class Material(Part):
+    """What a fluid is made of."""
+
+    density: Positive = Field(description="Reference density [kg/m3].")
+    sound_speed: Positive = Field(description="Speed of sound c0 of the state equation [m/s].")
+    state_equation: Literal["tait", "linear"] = Field(
+        "tait", description="Pressure from density [-]: tait (exponent 7) or linear."
+    )
+    alpha: NotNegative = Field(0.025, description="Coefficient of the artificial viscosity [-].")
+    color: Annotated[str, Field(pattern=COLOR)] | None = Field(
+        None, description='Colour in pictures, as "#rrggbb" [-]; from a palette when absent.'
+    )
+
+
+class Box(Part):
+    """An upright rectangle."""
+
+    min: Pair = Field(description="Lower left corner [x, z] [m].")
+    max: Pair = Field(description="Upper right corner [x, z] [m].")
+
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> Box:
+        if not (self.min[0] < self.max[0] and self.min[1] < self.max[1]):
+            raise _fault("must lie to the right of min and above it", "max")
+        return self
+
+
+class Disc(Part):
+    """A circle, or what lies inside it."""
+
+    center: Pair = Field(description="Centre [x, z] [m].")
+    radius: Positive = Field(description="Radius [m].")
+
+
+class Arc(Part):
+    """A part of a circle, run counter-clockwise."""
+
+    center: Pair = Field(description="Centre [x, z] [m].")
+    radius: Positive = Field(description="Radius [m].")
+    start: Real = Field(description="Angle of the first end, counter-clockwise from the x axis [degrees].")
+    end: Real = Field(description="Angle of the last end, more than start and less than a turn beyond it [degrees].")
+
+    @model_validator(mode="after")
+    def _turns_once(self) -> Arc:
+        if not 0 < self.end - self.start < 360:
+            raise _fault("must be more than start, and less than a whole turn beyond it", "end")
+        return self
+
+
+class Corner(Part):
+    """A point of a path at which an arc, tangent to both legs, rounds the corner."""
+
+    at: Pair = Field(description="Where the two legs would meet [x, z] [m].")
+    radius: NotNegative = Field(description="Radius of the arc [m].")
+
+
+def _kind_of_path_point(value: Any) -> str:
+    return "<corner>" if isinstance(value, (dict, Corner)) else "<point>"
+
+
+PathPoint = Annotated[
+    Annotated[Pair, Tag("<point>")] | Annotated[Corner, Tag("<corner>")], Discriminator(_kind_of_path_point)
+]
+
+
+class Wall(Part):
+    """A solid line that repels fluid on both of its sides."""
+
+    name: Name = Field(description="Name of the wall [-].")
+    path: Annotated[tuple[PathPoint, ...], Field(min_length=2)] | None = Field(
+        None, description="Polyline through points [x, z] [m] or rounded corners {at, radius}."
+    )
+    closed: Switch = Field(False, description="Whether the path returns to its first point [-].")
+    box: Box | None = Field(None, description="Outline of an upright rectangle [m].")
+    disc: Disc | None = Field(None, description="Outline of a circle [m].")
+    arc: Arc | None = Field(None, description="A part of a circle [m, degrees].")
+
+    @model_validator(mode="after")
+    def _is_one_line(self) -> Wall:
+        self._need_one_of("path", "box", "disc", "arc")
+        if self.closed and self.path is None:
+            raise _fault("only a path can be told to close", "closed")
+        if self.path is not None:
+            if self.closed and len(self.path) < 3:
+                raise _fault("a closed path needs 3 points at least, not 2", "path")
+            for end in () if self.closed else (0, len(self.path) - 1):
+                if isinstance(self.path[end], Corner):
+                    raise _fault("the end of an open path is no corner; write it as [x, z]", f"path[{end}]")
+        return self
+
+
+class WallModel(Part):
+    """How walls push fluid away."""
+
+    force: Literal["radial"] = Field("radial", description="Law of the wall force [-]; radial: Monaghan and Kajtar.")
+    refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
+        3.0, description="Particle spacing over the spacing of wall points, beta [-]."
+    )
+    strength: Positive = Field(0.01, description="Strength of the wall force, K / c0^2 [-].")
+    alpha: NotNegative = Field(0.0, description="Coefficient of the artificial viscosity against the wall [-].")
+
+
+class Shape(Part):
+    """The outline of a body of fluid: exactly one of these."""
+
+    box: Box | None = Field(None, description="Upright rectangle [m].")
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] | None = Field(
+        None, description="Corners [x, z] of a polygon [m], either way round."
+    )
+    disc: Disc | None = Field(None, description="Circle [m].")
+
+    @model_validator(mode="after")
+    def _is_one_shape(self) -> Shape:
+        self._need_one_of("box", "polygon", "disc")
+        return self
+
+
+class Fill(Part):
+    """Fluid at rest below a level and above a wall."""
+
+    level: Real = Field(description="Height of the free surface, z [m].")
+    above: Name = Field(description="Name of the wall that carries the fluid [-].")
+    between: Pair | None = Field(
+        None, description="Least and largest x of the fill [m]; the extent of the wall when absent."
+    )
+
+    @model_validator(mode="after")
+    def _has_a_width(self) -> Fill:
+        if self.between is not None and not self.between[0] < self.between[1]:
+            raise _fault("the first must be less than the second", "between")
+        return self
+
+
+class Lattice(Part):
+    """The square lattice that a shape is cut from: particles stand at the centres of its cells."""
+
+    angle: Real = Field(0.0, description="Turn of the lattice, counter-clockwise [degrees].")
+    origin: Pair | None = Field(
+        None, description="A corner of a cell [x, z] [m]; the first corner of the shape when absent."
+    )
+
+
+class Fluid(Part):
+    """A body of fluid, from a shape or from a fill."""
+
+    name: Name = Field(description="Name of the fluid [-]; its records are fluids/NAME.csv.")
+    material: str = Field(description="Name of its material [-].")
+    shape: Shape | None = Field(None, description="Outline of the body [m].")
+    fill: Fill | None = Field(None, description="A fill instead of a shape [m].")
+    lattice: Lattice | None = Field(None, description="Lattice that a shape is cut from [m, degrees].")
+    hold: Switch = Field(False, description="Whether it is kept at rest until the release at t = 0 [-].")
+    velocity: Pair = Field((0.0, 0.0), description="Velocity at the start [u, w] [m/s].")
+    hydrostatic: Switch = Field(
+        True, description="Whether it starts with the density that hydrostatic pressure below its own top gives [-]."
+    )
+    clearance: NotNegative = Field(0.5, description="Least distance from a particle to any wall, in spacings [-].")
+
+    @model_validator(mode="after")
+    def _is_one_body(self) -> Fluid:
+        self._need_one_of("shape", "fill")
+        if self.fill is not None and self.lattice is not None:
+            raise _fault("goes with a shape; a fill has a lattice of its own", "lattice")
+        return self
+
+
+class Gauge(Part):
+    """A place where the level of the free surface is recorded."""
+
+    name: Name = Field(description="Name of the gauge [-]; its record is gauges/NAME.csv.")
+    x: Real = Field(description="Where it stands, x [m].")
+    bottom: Real | None = Field(
+        None, description="Height z at which the search for the surface ends [m]; the lowest wall point when absent."
+    )
+
+
+class WarmUp(Part):
+    """Settling before the release, from t = -duration to t = 0."""
+
+    duration: Positive = Field(description="How long the settling lasts [s].")
+    damping: NotNegative = Field(description="Rate at which velocity is damped meanwhile [1/s].")
+
+
+class Run(Part):
+    """When to stop, and how far a step reaches."""
+
+    end_time: Positive = Field(description="End of the run [s]; t = 0 is the release.")
+    courant: Annotated[Real, Field(gt=0, le=1)] = Field(
+        0.5, description="Courant number: dt = courant h / (c + u) [-]."
+    )
+    max_steps: Annotated[int, Field(strict=True, gt=0)] | None = Field(
+        None, description="Greatest number of steps [-]; no limit when absent."
+    )
+
+
+class View(Part):
+    """The window of a picture."""
+
+    x: Pair = Field(description="From x to x [m].")
+    z: Pair = Field(description="From z to z [m].")
+
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> View:
+        for name in ("x", "z"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise _fault("the first must be less than the second", name)
+        return self
+
+
+class Output(Part):
+    """What is written while the scene runs."""
+
+    frames_per_second: Positive = Field(30.0, description="Pictures and USD frames [1/s].")
+    samples_per_second: Positive = Field(200.0, description="Lines of the records of gauges, energy and fluids [1/s].")
+    pictures: Switch = Field(True, description="Whether to draw PNG frames and an animation [-].")
+    usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
+    checkpoint_every: Positive = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
+    view: View | None = Field(None, description="Window of the pictures [m]; around everything when absent.")
+
+
+class Scene(Part):
+    """A whole scene file."""
+
+    title: str = Field(description="One line for reports [-].")
+    source: str = Field("", description="Where the case comes from [-].")
+    dimensions: Literal[2, 3] = Field(2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane.")
+    spacing: Positive = Field(description="Particle spacing dx [m].")
+    gravity: NotNegative = Field(9.81, description="Gravity along -z [m/s2].")
+    smoothing: Smoothing = Field(Smoothing(), description="The smoothing kernel.")
+    materials: Annotated[dict[Name, Material], Field(min_length=1)] = Field(description="Materials by name.")
+    viscosity: Literal["signal", "monaghan"] = Field(
+        "signal", description="Artificial viscosity [-]: signal (all pairs) or monaghan (approaching pairs only)."
+    )
+    viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
+    tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
+    xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
+    walls: tuple[Wall, ...] = Field((), description="Walls.")
+    wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
+    fluids: Annotated[tuple[Fluid, ...], Field(min_length=1)] = Field(
+        description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
+    )
+    gauges: tuple[Gauge, ...] = Field((), description="Wave gauges.")
+    warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
+    run: Run = Field(description="When to stop, and how far a step reaches.")
+    output: Output = Field(Output(), description="What is written while the scene runs.")
+    allow: tuple[Literal["low_sound_speed"], ...] = Field((), description="Refusals to turn into warnings [-].")
+
+    _source: SourceMap = PrivateAttr(default_factory=SourceMap)
+
+    @property
+    def smoothing_length(self) -> float:
+        """h [m]."""
+        return self.smoothing.ratio * self.spacing
+
+    @property
+    def wall_spacing(self) -> float:
+        """Largest distance between neighbouring points of a wall [m]."""
+        return self.spacing / self.wall_model.refinement
+
+    @property
+    def start_time(self) -> float:
+        """Where the clock starts [s]: 0, or minus the length of the warm-up."""
+        return -self.warm_up.duration if self.warm_up else 0.0
+
+    def error(self, path: str, message: str) -> SceneError:
+        """A `SceneError` about the field at `path` (such as `fluids[1].shape`), for the caller to raise."""
+        return self._source.error(path, message)
+
+    def resolved_yaml(self) -> str:
+        """The scene with every default filled in, as YAML that loads back to an equal `Scene`."""
+        data = self.model_dump(mode="json", exclude_none=True)
+        return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Scene:
+        for path, message in _contradictions(self):
+            raise _fault(message, path)
+        return self
+
+
+def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
+    """What no single field can know: (path, message) for every name that does not fit the rest of the scene."""
+    if scene.dimensions == 3:
+        yield "dimensions", "3-D scenes cannot be run yet; only 2 for now"
+    for kind in ("walls", "fluids", "gauges"):
+        seen: dict[str, int] = {}
+        for i, part in enumerate(getattr(scene, kind)):
+            # Records are files named after the part, and some file systems do not tell A from a.
+            first = seen.setdefault(part.name.casefold(), i)
+            if first != i:
+                yield f"{kind}[{i}].name", f"'{part.name}' is the name of {kind}[{first}] already"
+    for i, fluid in enumerate(scene.fluids):
+        if fluid.material not in scene.materials:
+            hint = nearest(fluid.material, scene.materials)
+            yield f"fluids[{i}].material", f"no material named '{fluid.material}'{hint}"
+        if fluid.fill and fluid.fill.above not in (names := [wall.name for wall in scene.walls]):
+            yield f"fluids[{i}].fill.above", f"no wall named '{fluid.fill.above}'{nearest(fluid.fill.above, names)}"
+
+
+# ------------------------------------------------------------------------------------------------------------- loading
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of a scene file, for editors."""
+    return Scene.model_json_schema()
+
+
+def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
+    """Read the scene file at `path`, with `overrides` such as `materials.water.alpha=0.03` on top.
+
+    Raises SceneError for a file that cannot be read, is not YAML, or is not a scene: for its first mistake.
+    """
+    data, source = read_yaml(read_text(path), str(path))
+    if data is None:
+        raise SceneError(f"{path}: the file is empty")
+    if not isinstance(data, dict):
+        raise source.error("", f"a scene is a mapping of fields, not {show(data)}")
+    for override in overrides:
+        apply_override(data, source, override)
+    try:
+        scene = Scene.model_validate(data)
+    except ValidationError as error:
+        mistakes = [_explain(mistake) for mistake in error.errors(include_url=False)]
+        raise source.error(*min(mistakes, key=lambda mistake: source.place(mistake[0])[0])) from None
+    scene._source = source
+    return scene
+
+
+_NEEDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping of fields",
+    "finite_number": "a finite number",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+_PATTERNS = {NAME: "a name made of letters, digits and _ is needed", COLOR: 'a colour such as "#8a6a4a" is needed'}
+
+
+def _explain(mistake: Mapping[str, Any]) -> tuple[str, str]:
+    """(path, message) of one mistake that pydantic found, in our words."""
+    path = ""
+    for key in mistake["loc"]:
+        if isinstance(key, int):
+            path += f"[{key}]"
+        elif not key.startswith(("<", "[")):  # pydantic's marks for "which of a union" and "the key itself"
+            path += f".{key}" if path else key
+    kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
+    if kind == "fault":
+        inner = context["path"]
+        return (f"{path}.{inner}" if path and inner else path + inner), context["message"]
+    if kind == "missing":
+        return path, "this field is missing"
+    if kind in _NEEDS:
+        return path, f"{_NEEDS[kind]} is needed, not {show(value)}"
+    if kind in _BOUNDS:
+        bound, words = _BOUNDS[kind]
+        return path, f"must be {words} {show(context[bound])}, not {show(value)}"
+    if kind == "literal_error":
+        names = re.findall(r"[\w.]+", context["expected"].replace(" or ", " "))
+        return path, f"{show(value)} is not known here{nearest(value, names)}"
+    if kind == "string_pattern_mismatch":
+        return path, f"{_PATTERNS[context['pattern']]}, not {show(value)}"
+    if kind == "too_short":
+        return path, f"needs {context['min_length']} or more entries, not {context['actual_length']}"
+    return path, mistake["msg"]

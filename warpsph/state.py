@@ -1,0 +1,116 @@
+"""State: the arrays that change from step to step, allocated once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpsph.model import Model
+
+# Particles whose sums and extremes one thread collects; a fixed number, so that sums do not depend on the threads.
+BLOCK_SIZE = 256
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The fluid at one instant, in id order.
+
+    Attributes:
+        time: [s].
+        step: Steps done so far.
+        position: [m], float64, shape [particle_count, 3].
+        velocity: [m/s], float32, shape [particle_count, 3].
+        density: [kg/m3], float64, shape [particle_count].
+        pressure: [Pa], float32, shape [particle_count].
+        fluid: Index into the scene's fluids, int32, shape [particle_count].
+        id: 0, 1, ... particle_count - 1, int64.
+    """
+
+    time: float
+    step: int
+    position: np.ndarray
+    velocity: np.ndarray
+    density: np.ndarray
+    pressure: np.ndarray
+    fluid: np.ndarray
+    id: np.ndarray
+
+
+class State:
+    """Particle arrays in slot order (sorted by cell whenever neighbours are listed), and the clock.
+
+    Position and density are integrated in double precision; the pair loops read them rounded, packed as
+    (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads.
+    """
+
+    # A particle's own history: permuted when slots are sorted, kept in checkpoints.
+    PARTICLE = ("id", "fluid", "position", "velocity", "density", "acceleration", "density_rate", "xsph_velocity")
+    # The clock's, kept in checkpoints.
+    CLOCK = ("time", "dt", "dt_limit", "step", "speed", "damping")
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        device, count = model.launcher.device, model.particle_count
+
+        def zeros(dtype: type, length: int = count) -> wp.array:
+            return wp.zeros(length, dtype=dtype, device=device)
+
+        def array(values: np.ndarray, dtype: type) -> wp.array:
+            return wp.array(values, dtype=dtype, device=device)
+
+        self.id = array(np.arange(count), int)
+        self.fluid = array(model.initial_fluid, int)
+        self.position = array(model.initial_position, wp.vec3d)  # [m]
+        self.velocity = array(model.initial_velocity, wp.vec3)  # [m/s]
+        self.density = array(model.initial_density, wp.float64)  # [kg/m3]
+        self.acceleration = zeros(wp.vec3)  # of the last kick [m/s2]
+        self.density_rate = zeros(float)  # [kg/m3/s]
+        self.xsph_velocity = zeros(wp.vec3)  # [m/s]
+
+        # Within a step.
+        self.position_volume = zeros(wp.vec4)
+        self.velocity_pressure = zeros(wp.vec4)
+        self.pressure_acceleration = zeros(wp.vec3)  # [m/s2]
+        self.dissipative_acceleration = zeros(wp.vec3)
+        self.wall_acceleration = zeros(wp.vec3)
+        self.wall_distance = zeros(float)  # [m]
+        self.particle_dt_limit = zeros(float)  # [s]
+        self.particle_moved = zeros(float)  # [m]
+        self.particle_speed = zeros(float)  # [m/s]
+        self.particle_fault = zeros(int)
+        # (dissipated, done by walls, damped) since the release [J]: a slot's, not a particle's; only the sum means anything.
+        self.work = zeros(wp.vec3d)
+
+        self.block_count = -(-count // BLOCK_SIZE)
+        self.block_extremes = zeros(wp.vec3, self.block_count)
+        self.block_fault_slot = zeros(int, self.block_count)
+
+        # The clock, one entry each.
+        run = model.scene.run
+        self.time = array(np.array([model.scene.start_time]), wp.float64)  # [s]
+        self.target = array(np.array([model.scene.start_time]), wp.float64)  # no step goes beyond it [s]
+        self.dt = zeros(float, 1)  # the step that comes next; 0 at the target and after a fault [s]
+        first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
+        self.dt_limit = array(np.array([first_dt]), float)  # longest stable step [s]
+        self.step = zeros(int, 1)
+        self.moved = zeros(float, 1)  # farthest that a particle has gone since the lists were built [m]
+        self.speed = zeros(float, 1)  # highest speed [m/s]
+        self.damping = zeros(float, 1)  # [1/s]
+        self.fault = zeros(int, 1)  # what is wrong with the first absurd particle
+        self.fault_slot = zeros(int, 1)
+
+    def snapshot(self) -> Snapshot:
+        """Copy the fluid to the host, in id order."""
+        order = np.argsort(self.id.numpy(), kind="stable")
+        density = self.density.numpy()[order]
+        fluid = self.fluid.numpy()[order]
+        return Snapshot(
+            time=float(self.time.numpy()[0]),
+            step=int(self.step.numpy()[0]),
+            position=self.position.numpy()[order],
+            velocity=self.velocity.numpy()[order],
+            density=density,
+            pressure=self.model.pressure(density, fluid),
+            fluid=fluid,
+            id=self.id.numpy()[order].astype(np.int64),
+        )

@@ -1,0 +1,296 @@
+"""The USD point cache of a run: a small root file, and one file of particles per frame behind value clips.
+
+    usd/scene.usda                  what a renderer opens: /World, its fluids and walls, and the list of finished frames
+    usd/manifest.usda               names the attributes that the frames hold
+    usd/static.usdc                 the walls
+    usd/frames/fluid.00000.usdc     one frame; it also opens by itself
+
+Every file is written under another name and then renamed, the root last. Whatever ends the run, the cache therefore
+opens and holds all the frames that were finished.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
+
+if TYPE_CHECKING:
+    from warpsph.state import Snapshot
+
+CLIP_SET = "frames"
+FLUID_SCOPE = "/World/Fluid"
+WALL_SCOPE = "/World/Walls"
+
+# What changes from frame to frame, and so lives in the clips alone: a value in the root would hide them.
+CLIPPED_ATTRIBUTES = {
+    "points": (Sdf.ValueTypeNames.Point3fArray, "Position [m]."),
+    "velocities": (Sdf.ValueTypeNames.Vector3fArray, "Velocity [m/s]."),
+    "ids": (Sdf.ValueTypeNames.Int64Array, "The same number for the same particle in every frame."),
+    "extent": (Sdf.ValueTypeNames.Float3Array, "Corners of the box around the particles [m]."),
+}
+# Blender reads primvars of these types only: it drops one of another type, and every later one with it.
+CLIPPED_PRIMVARS = {
+    "speed": (Sdf.ValueTypeNames.FloatArray, "Speed [m/s]."),
+    "pressure": (Sdf.ValueTypeNames.FloatArray, "Pressure [Pa]."),
+    "density": (Sdf.ValueTypeNames.FloatArray, "Density [kg/m3]."),
+    "id": (Sdf.ValueTypeNames.IntArray, "ids, in the type that renderers read as a primvar."),
+}
+
+
+def _publish(layer: Sdf.Layer, path: Path) -> None:
+    """Write a layer beside its place, then rename it: neither a reader nor a kill ever meets half a file."""
+    partial = path.with_name(f".{path.name}")
+    try:
+        written = layer.Export(str(partial))
+    except Tf.ErrorException as error:
+        raise OSError(f"{path}: could not be written: {error}") from error
+    if not written:
+        raise OSError(f"{path}: could not be written")
+    os.replace(partial, path)
+
+
+def _prim_names(names: Iterable[str]) -> list[str]:
+    """A different legal USD name for each of the scene's names."""
+    prim_names: list[str] = []
+    for name in names:
+        prim_name = Tf.MakeValidIdentifier(name)
+        while prim_name in prim_names:
+            prim_name += "_"
+        prim_names.append(prim_name)
+    return prim_names
+
+
+def _frame_number(path: Path) -> int:
+    """The frame that a file name such as fluid.00012.usdc stands for."""
+    return int(path.name.split(".")[-2])
+
+
+def _linear_color(color: str) -> Gf.Vec3f:
+    """USD colours are linear; `#rrggbb` is sRGB."""
+    encoded = np.frombuffer(bytes.fromhex(color.removeprefix("#")), dtype=np.uint8) / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return Gf.Vec3f(*linear.tolist())
+
+
+def _ribbon(outline: np.ndarray, half_width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points and four-cornered faces of an outline in the x-z plane, shape [corner_count, 2], widened along y."""
+    points = np.zeros((len(outline), 2, 3), dtype=np.float32)
+    points[:, :, 0] = outline[:, None, 0]
+    points[:, :, 1] = -half_width, half_width
+    points[:, :, 2] = outline[:, None, 1]
+    first = 2 * np.arange(len(outline) - 1, dtype=np.int32)
+    return points.reshape(-1, 3), np.stack([first, first + 1, first + 3, first + 2], axis=1)
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Provenance in the types that layer data holds: what USD has no type for becomes text."""
+    return {
+        str(name): _plain(value)
+        if isinstance(value, Mapping)
+        else value
+        if isinstance(value, (bool, int, float, str))
+        else str(value)
+        for name, value in values.items()
+    }
+
+
+class UsdCache:
+    """Writes the USD cache of one run, a frame at a time.
+
+    Args:
+        folder: Where the cache goes; made when absent.
+        fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
+        walls: Name of each wall and its outline in the x-z plane [m], shape [corner_count, 2]; a closed outline ends
+            where it starts.
+        spacing: Particle spacing [m], drawn as the diameter of a particle.
+        frames_per_second: Frames per second of simulated time; frame i is at time code i.
+        provenance: What made the run, kept in the root file; nested mappings and plain values.
+        overwrite: Clear the frames of an earlier run instead of refusing.
+        resume_at: Continue a cache: keep its frames before this one, drop the others.
+
+    Raises:
+        FileExistsError: The folder holds a cache, and neither `overwrite` nor `resume_at` is given.
+        FileNotFoundError: A frame before `resume_at` is missing.
+        OSError: A file could not be written.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        fluids: Mapping[str, str],
+        walls: Mapping[str, np.ndarray],
+        spacing: float,
+        frames_per_second: float,
+        provenance: Mapping[str, Any] | None = None,
+        overwrite: bool = False,
+        resume_at: int | None = None,
+    ) -> None:
+        self.folder = Path(folder)
+        self.root = self.folder / "scene.usda"
+        self.frame_count = resume_at or 0
+        self._fluids = dict(zip(_prim_names(fluids), fluids.items(), strict=True))
+        self._spacing = spacing
+        self._frames_per_second = frames_per_second
+        self._provenance = dict(provenance or {})
+
+        frames = self.folder / "frames"
+        if resume_at is not None:
+            self._require_frames()
+        elif not overwrite and (self.root.exists() or any(frames.glob("fluid.*.usdc"))):
+            raise FileExistsError(f"{self.folder}: holds the USD cache of an earlier run")
+        frames.mkdir(parents=True, exist_ok=True)
+        self._root_layer = self._make_root_layer()
+        # The root forgets the stale frames before they go, so that it never names a file that is not there.
+        if self.frame_count:
+            self._write_root()
+        else:
+            self.root.unlink(missing_ok=True)
+        for path in frames.glob("*fluid.*.usdc"):
+            if path.name.startswith(".") or _frame_number(path) >= self.frame_count:
+                path.unlink()
+        static, manifest = self._make_static_stage(walls), self._declare_fluids()
+        _publish(static.GetRootLayer(), self.folder / "static.usdc")
+        _publish(manifest.GetRootLayer(), self.folder / "manifest.usda")
+
+    def write(self, snapshot: Snapshot) -> Path:
+        """Write the next frame, then the root that names it.
+
+        Args:
+            snapshot: The fluid at the frame's instant, in id order.
+
+        Returns:
+            Path of the frame's file.
+
+        Raises:
+            OSError: The file could not be written.
+        """
+        frame = self.frame_count
+        stage = self._declare_fluids()
+        self._set_appearance(stage)
+        stage.SetStartTimeCode(frame)
+        stage.SetEndTimeCode(frame)
+        layer = stage.GetRootLayer()
+        layer.customLayerData = {"time": float(snapshot.time), "step": int(snapshot.step)}
+        for index, prim_name in enumerate(self._fluids):
+            prim = stage.GetPrimAtPath(f"{FLUID_SCOPE}/{prim_name}")
+            for name, value in self._values(snapshot, np.flatnonzero(snapshot.fluid == index)).items():
+                prim.GetAttribute(name).Set(value, frame)
+        path = self._frame_path(frame)
+        _publish(layer, path)
+        self.frame_count = frame + 1
+        self._write_root()
+        return path
+
+    def _values(self, snapshot: Snapshot, members: np.ndarray) -> dict[str, Any]:
+        """The values of the clipped attributes for one fluid, whose particles are `members` of the snapshot."""
+        points = snapshot.position[members].astype(np.float32)
+        velocities = np.ascontiguousarray(snapshot.velocity[members], dtype=np.float32)
+        ids = np.ascontiguousarray(snapshot.id[members], dtype=np.int64)
+        radius = np.float32(0.5 * self._spacing)
+        extent = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
+        return {
+            "points": Vt.Vec3fArray.FromNumpy(points),
+            "velocities": Vt.Vec3fArray.FromNumpy(velocities),
+            "ids": Vt.Int64Array.FromNumpy(ids),
+            "extent": Vt.Vec3fArray.FromNumpy(extent),
+            "primvars:speed": Vt.FloatArray.FromNumpy(np.linalg.norm(velocities, axis=1)),
+            "primvars:pressure": Vt.FloatArray.FromNumpy(snapshot.pressure[members].astype(np.float32)),
+            "primvars:density": Vt.FloatArray.FromNumpy(snapshot.density[members].astype(np.float32)),
+            "primvars:id": Vt.IntArray.FromNumpy(ids.astype(np.int32)),
+        }
+
+    def _new_stage(self) -> Usd.Stage:
+        """A stage in memory with the units and the axes that every file of the cache states."""
+        stage = Usd.Stage.CreateInMemory()
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+        stage.SetTimeCodesPerSecond(self._frames_per_second)
+        stage.SetFramesPerSecond(self._frames_per_second)
+        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+        return stage
+
+    def _declare_fluids(self) -> Usd.Stage:
+        """A stage that declares the fluids and what changes in them, without a value."""
+        stage = self._new_stage()
+        UsdGeom.Scope.Define(stage, FLUID_SCOPE)
+        for prim_name, (name, _) in self._fluids.items():
+            prim = UsdGeom.Points.Define(stage, f"{FLUID_SCOPE}/{prim_name}").GetPrim()
+            prim.SetDisplayName(name)
+            for attribute, (value_type, text) in CLIPPED_ATTRIBUTES.items():
+                prim.CreateAttribute(attribute, value_type, custom=False).SetDocumentation(text)
+            for primvar, (value_type, text) in CLIPPED_PRIMVARS.items():
+                created = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(primvar, value_type, UsdGeom.Tokens.vertex)
+                created.GetAttr().SetDocumentation(text)
+        return stage
+
+    def _set_appearance(self, stage: Usd.Stage) -> None:
+        """Set what stays the same from frame to frame: the diameter and the colour of the particles."""
+        for prim_name, (_, color) in self._fluids.items():
+            points = UsdGeom.Points(stage.GetPrimAtPath(f"{FLUID_SCOPE}/{prim_name}"))
+            points.CreateWidthsAttr([self._spacing])
+            points.SetWidthsInterpolation(UsdGeom.Tokens.constant)
+            points.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(color)])
+
+    def _make_static_stage(self, walls: Mapping[str, np.ndarray]) -> Usd.Stage:
+        """Walls as ribbons two spacings wide across the x-z plane, seen as guides and not rendered."""
+        stage = self._new_stage()
+        UsdGeom.Scope.Define(stage, WALL_SCOPE)
+        for prim_name, (name, outline) in zip(_prim_names(walls), walls.items(), strict=True):
+            mesh = UsdGeom.Mesh.Define(stage, f"{WALL_SCOPE}/{prim_name}")
+            mesh.GetPrim().SetDisplayName(name)
+            points, faces = _ribbon(np.asarray(outline), self._spacing)
+            mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+            mesh.CreateFaceVertexCountsAttr([4] * len(faces))
+            mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))
+            mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+            mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+            mesh.CreateDoubleSidedAttr(True)
+            mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+        return stage
+
+    def _make_root_layer(self) -> Sdf.Layer:
+        """The root without its frames; a layer off any stage, which would look for the other files at once."""
+        stage = self._declare_fluids()
+        self._set_appearance(stage)
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        layer.TransferContent(stage.GetRootLayer())
+        layer.customLayerData = _plain(self._provenance)
+        layer.startTimeCode = 0
+        layer.subLayerPaths.append("./static.usdc")
+        return layer
+
+    def _write_root(self) -> None:
+        """Name the finished frames in the root."""
+        frames = range(self.frame_count)
+        identity = Vt.Vec2dArray([Gf.Vec2d(frame, frame) for frame in frames])
+        paths = [Sdf.AssetPath(f"./frames/{self._frame_path(frame).name}") for frame in frames]
+        world = self._root_layer.GetPrimAtPath("/World")
+        world.SetInfo("clipSets", Sdf.StringListOp.CreateExplicit([CLIP_SET]))
+        world.SetInfo(
+            "clips",
+            {
+                CLIP_SET: {
+                    "primPath": "/World",
+                    "manifestAssetPath": Sdf.AssetPath("./manifest.usda"),
+                    "assetPaths": Sdf.AssetPathArray(paths),
+                    "active": identity,
+                    "times": identity,
+                }
+            },
+        )
+        self._root_layer.endTimeCode = self.frame_count - 1
+        _publish(self._root_layer, self.root)
+
+    def _frame_path(self, frame: int) -> Path:
+        return self.folder / "frames" / f"fluid.{frame:05d}.usdc"
+
+    def _require_frames(self) -> None:
+        for frame in range(self.frame_count):
+            if not self._frame_path(frame).exists():
+                raise FileNotFoundError(f"{self._frame_path(frame)}: the cache cannot be continued without this frame")
