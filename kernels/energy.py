@@ -15,7 +15,8 @@ MASS_U = wp.constant(7)  # and v, w: sum of m u
 DISSIPATED = wp.constant(10)
 WALL_WORK = wp.constant(11)
 DAMPED = wp.constant(12)
-SUM_COUNT = 13
+FRONT = wp.constant(13)  # not a sum: the largest x
+COLUMN_COUNT = 14
 
 
 @wp.kernel(enable_backward=False)
@@ -44,6 +45,7 @@ def sum_blocks(
     mass_x = wp.vec3d()
     mass_u = wp.vec3d()
     done = wp.vec3d()
+    front = wp.float64(-wp.inf)
     for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
         done_i = work[i]
         if fluid[i] == mine:
@@ -57,6 +59,7 @@ def sum_blocks(
             )
             mass_x += m * x
             mass_u += m * u
+            front = wp.max(front, x[0])
         if mine == 0:
             # The accumulated work stays in its slot when particles are reordered, so it has no fluid of its own.
             done += done_i
@@ -70,3 +73,4 @@ def sum_blocks(
     sums_out[row, DISSIPATED] = done[0]
     sums_out[row, WALL_WORK] = done[1]
     sums_out[row, DAMPED] = done[2]
+    sums_out[row, FRONT] = front

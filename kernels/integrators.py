@@ -107,7 +107,7 @@ def kick_and_drift(
     velocity_inout: wp.array[wp.vec3],
     work_inout: wp.array[wp.vec3d],
     position_volume_inout: wp.array[wp.vec4],
-    velocity_pressure_out: wp.array[wp.vec4],
+    velocity_pressure_inout: wp.array[wp.vec4],
     acceleration_out: wp.array[wp.vec3],
     dt_limit_out: wp.array[float],
     moved_out: wp.array[float],
@@ -140,7 +140,7 @@ def kick_and_drift(
     velocity_inout[i] = u
     x_rounded = wp.vec3(x)
     position_volume_inout[i] = wp.vec4(x_rounded[0], x_rounded[1], x_rounded[2], position_volume_inout[i][3])
-    velocity_pressure_out[i] = wp.vec4(u[0], u[1], u[2], 0.0)
+    velocity_pressure_inout[i] = wp.vec4(u[0], u[1], u[2], velocity_pressure_inout[i][3])
     acceleration_out[i] = a
 
     c = parameters.sound_speed[f]
@@ -153,13 +153,22 @@ def kick_and_drift(
 @wp.kernel(enable_backward=False)
 def finish_density(
     first: int,
+    parameters: Parameters,
     dt: wp.array[float],
     density_rate: wp.array[float],
+    diffusion_rate: wp.array[float],
+    position_volume: wp.array[wp.vec4],
+    velocity_pressure: wp.array[wp.vec4],
+    fluid: wp.array[int],
     density_inout: wp.array[wp.float64],
+    work_inout: wp.array[wp.vec3d],
 ):
-    """Density to n+1 (eq 80)."""
+    """Density to n+1 (eq 80); the internal energy that diffusion takes, m p / rho^2 d rho, is dissipated."""
     i = first + wp.tid()
+    V, p = position_volume[i][3], velocity_pressure[i][3]
+    taken = -V * V / parameters.mass[fluid[i]] * p * diffusion_rate[i] * dt[0]
     density_inout[i] = density_inout[i] + wp.float64(0.5 * dt[0] * density_rate[i])
+    work_inout[i] = work_inout[i] + wp.vec3d(wp.float64(taken), wp.float64(0.0), wp.float64(0.0))
 
 
 @wp.kernel(enable_backward=False)

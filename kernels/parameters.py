@@ -1,4 +1,4 @@
-"""The numbers that kernels read. Formulas are closed over (see README); numbers travel here, so a sweep never recompiles."""
+"""The numbers that kernels read: formulas are closed over, numbers travel here, so no new value compiles anew."""
 
 import warp as wp
 
@@ -22,8 +22,8 @@ class Parameters:
     gravity: wp.vec3  # [m/s2]
     viscosity_beta: float  # beta of eq 58
     xsph: float  # epsilon of eq 40
+    diffusion: float  # delta of the density diffusion
     wall_strength: float  # K / (beta c^2): wall force factor, dimensionless
-    wall_alpha: float  # artificial viscosity against the wall, divided by beta
     # time step
     courant: float
     # limits beyond which a particle is absurd
@@ -37,4 +37,6 @@ class Parameters:
     sound_speed: wp.array[float]  # c [m/s]
     stiffening: wp.array[float]  # 1: Tait, 0: linear state equation
     alpha: wp.array[float]  # artificial viscosity
+    wall_alpha: wp.array[float]  # artificial viscosity against walls, divided by beta
     mobility: wp.array[float]  # 1: free, 0: held at its gate
+    still_level: wp.array[float]  # level at which the fluid rests; -inf: it does not rest [m]

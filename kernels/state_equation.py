@@ -19,6 +19,14 @@ def pressure(density: wp.float64, rest_density: float, sound_speed: float, stiff
 
 
 @wp.func
+def density_of(p: float, rest_density: float, sound_speed: float, stiffening: float) -> wp.float64:
+    """Density [kg/m3] from pressure [Pa]: the inverse of `pressure`."""
+    compression = wp.float64(p / (sound_speed * sound_speed * rest_density))
+    tait = wp.pow(wp.float64(1.0) + wp.float64(7.0) * compression, wp.float64(1.0 / 7.0))
+    return wp.float64(rest_density) * wp.where(stiffening > 0.5, tait, wp.float64(1.0) + compression)
+
+
+@wp.func
 def internal_energy(density: wp.float64, rest_density: float, sound_speed: float, stiffening: float) -> wp.float64:
     """Internal energy per mass, e = integral of p / rho^2 d rho from rho0 [J/kg].
 

@@ -52,13 +52,14 @@ def wall_acceleration_kernel(force: str, smoothing: str) -> wp.Kernel:
         xV_i, up_i = position_volume[i], velocity_pressure[i]
         x_i, u_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), wp.vec3(up_i[0], up_i[1], up_i[2])
         c = parameters.sound_speed[fluid[i]]
+        friction = parameters.wall_alpha[fluid[i]] * c
 
         by_wall = wp.vec3()
         nearest = parameters.list_radius
         for n in range(wall_first[i], wall_first[i + 1]):
             x_ik = x_i - wall_position[wall_list[n]]
             r = wp.sqrt(wp.dot(x_ik, x_ik))
-            P_ik = -parameters.wall_alpha * c * wp.dot(u_i, x_ik) / wp.max(r, 1.0e-9)
+            P_ik = -friction * wp.dot(u_i, x_ik) / wp.max(r, 1.0e-9)
             by_wall += law(parameters, c, r) * x_ik
             by_wall -= xV_i[3] * P_ik * parameters.gradient_norm * slope(r * parameters.inverse_h) * x_ik
             nearest = wp.min(nearest, r)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpsph.outline import Array, Line, Outline, wall_outline
-from warpsph.scene import Fluid, Scene, Shape
+from warpsph.outline import Array, Line, Outline, closed_outline, wall_outline
+from warpsph.scene import Fluid, Scene
 
 # A point typed to five digits still rests on the slope that it was computed for. In spacings.
 CLEARANCE_SLACK = 1e-3
@@ -82,9 +82,10 @@ def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
 
 
 def _shape_sites(scene: Scene, path: str, fluid: Fluid, outlines: Sequence[Outline]) -> tuple[Array, Array, list[str]]:
-    """Sites of a shape [n, 2] [m], the vertical depth of each below the outline above it [n] [m], and warnings."""
+    """Sites of a shape [n, 2] [m], the vertical depth of each below the edge above it [n] [m], and warnings."""
     shape, dx = fluid.shape, scene.spacing
-    border = _border(shape)
+    edge = closed_outline(shape)
+    border = edge.polygon()
     angle = fluid.lattice.angle if fluid.lattice else 0.0
     origin = np.array(fluid.lattice.origin if fluid.lattice and fluid.lattice.origin else border[0])
 
@@ -92,45 +93,35 @@ def _shape_sites(scene: Scene, path: str, fluid: Fluid, outlines: Sequence[Outli
     # the low sides and as outside at the high ones, whatever the rounding: hence the nudge.
     drawn = _turned(border - origin, -angle) / dx
     cells = _cell_centres(scene, path, drawn.min(axis=0), drawn.max(axis=0))
-    nudged = cells + LATTICE_SLACK
-    if shape.disc:
-        center = _turned(np.array(shape.disc.center) - origin, -angle) / dx
-        kept = np.linalg.norm(nudged - center, axis=1) < shape.disc.radius / dx
-    else:
-        kept = contains(drawn, nudged)
-    sites = origin + _turned(cells[kept] * dx, angle)
+    sites = origin + _turned(cells[contains(drawn, cells + LATTICE_SLACK)] * dx, angle)
+
+    for wall, one in zip(scene.walls, outlines, strict=True):
+        points = one.sample(scene.wall_spacing)[0]
+        within = contains(border, points) & (edge.distance(points) > CLEARANCE_SLACK * dx)
+        if within.any():
+            x, z = points[within][0]
+            raise scene.error(path, f"wall '{wall.name}' runs through it, at x = {x:.4g} m, z = {z:.4g} m")
     touching = np.flatnonzero(_distance(outlines, sites) < (fluid.clearance - CLEARANCE_SLACK) * dx)
     if len(touching):
         x, z = sites[touching[0]]
-        raise scene.error(
-            path,
-            f"{len(touching)} of {len(sites)} particles lie within {fluid.clearance:g} spacings of a wall, "
-            f"the first at x = {x:.4g} m, z = {z:.4g} m",
-        )
+        words = f"{len(touching)} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
+        raise scene.error(path, f"{words}, the first at x = {x:.4g} m, z = {z:.4g} m")
+
     warnings = []
-    area = math.pi * shape.disc.radius**2 if shape.disc else _area(border)
-    excess = len(sites) * dx**2 / area - 1.0
+    area = _area(border)
+    excess = len(sites) * dx**2 / area - 1.0 if area else 0.0
     if len(sites) and abs(excess) > 0.01:
-        count = f"{len(sites)} particles stand for {abs(excess):.1%} {'more' if excess > 0 else 'less'} than its"
-        warnings.append(str(scene.error(path, f"{count} area of {area:.4g} m2")))
-    return sites, _roof(border, sites) - sites[:, 1], warnings
+        words = f"{len(sites)} particles stand for {abs(excess):.1%} {'more' if excess > 0 else 'less'} than its area"
+        warnings.append(str(scene.error(path, f"{words} of {area:.4g} m2")))
+    # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
+    depth = (_roof(border, sites) - sites[:, 1]) * math.cos(math.radians(angle)) ** 2
+    return sites, depth, warnings
 
 
 def _area(polygon: Array) -> float:
     """Area that a polygon [k, 2] encloses [m2]."""
     x, z = polygon.T
     return abs(float(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1)))) / 2
-
-
-def _border(shape: Shape) -> Array:
-    """Corners of a shape [k, 2] [m]; a disc has as many as it takes to be round."""
-    if shape.box:
-        (left, low), (right, high) = shape.box.min, shape.box.max
-        return np.array([[left, low], [right, low], [right, high], [left, high]])
-    if shape.disc:
-        angle = np.linspace(1.5 * math.pi, 3.5 * math.pi, 360, endpoint=False)
-        return shape.disc.center + shape.disc.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.array(shape.polygon)
 
 
 def _roof(border: Array, sites: Array) -> Array:
@@ -252,8 +243,6 @@ def place(scene: Scene) -> Placement:
     """
     outlines = [wall_outline(scene, i) for i in range(len(scene.walls))]
     _refuse_too_many(scene, "walls", sum(one.length for one in outlines) / scene.wall_spacing)
-    samples = [one.sample(scene.wall_spacing) for one in outlines]
-
     warnings: list[str] = []
     placed: list[Array] = []
     depths: list[Array] = []
@@ -272,10 +261,13 @@ def place(scene: Scene) -> Placement:
         depths.append(depth[free] * fluid.hydrostatic)
         warnings += doubts
 
+    fluid_sites = np.concatenate(placed)
+    set_back = scene.wall_model.set_back * scene.spacing
+    samples = [one.shifted(-set_back * _wet_side(one, fluid_sites)).sample(scene.wall_spacing) for one in outlines]
     counts = [len(sites) for sites in placed]
     nowhere = np.empty((0, 2))  # a scene may have no walls
     placement = Placement(
-        position=_in_space(np.concatenate(placed)),
+        position=_in_space(fluid_sites),
         velocity=_in_space(np.repeat([fluid.velocity for fluid in scene.fluids], counts, axis=0)),
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         initial_depth=np.concatenate(depths),
@@ -286,6 +278,16 @@ def place(scene: Scene) -> Placement:
         warnings=(),
     )
     return replace(placement, warnings=(*warnings, *_doubts(scene, placement), *check_sound_speed(scene, placement)))
+
+
+def _wet_side(wall: Outline, sites: Array) -> int:
+    """The side of a wall on which the fluid lies: 1 to the left of the way along it, -1 to the right, 0 both."""
+    some = sites[:: max(1, len(sites) // 1000)]
+    points, normals, _ = wall.sample(max(wall.length / 1000, 1e-9))
+    nearest = np.argmin(((some[:, None] - points) ** 2).sum(axis=2), axis=1)
+    is_left = np.einsum("ij,ij->i", some - points[nearest], normals[nearest]) > 0.0
+    share = is_left.mean()
+    return 1 if share > 0.98 else -1 if share < 0.02 else 0
 
 
 def drop_height(placement: Placement) -> float:

@@ -70,10 +70,10 @@ class Model:
         p.gravity = wp.vec3(0.0, 0.0, -scene.gravity)
         p.viscosity_beta = scene.viscosity_beta
         p.xsph = scene.xsph
+        p.diffusion = scene.density_diffusion.delta
         # beta points stand where one fluid particle would in the plane, beta^2 in space.
         points = scene.wall_model.refinement ** (dimensions - 1)
         p.wall_strength = scene.wall_model.strength / points
-        p.wall_alpha = scene.wall_model.alpha / points
         p.courant = scene.run.courant
         p.least_compression, p.most_compression = LEAST_COMPRESSION, MOST_COMPRESSION
         p.lower, p.upper = domain(placement, 2.0 * h)
@@ -86,6 +86,8 @@ class Model:
         p.sound_speed = table([material.sound_speed for material in materials])
         p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])
         p.alpha = table([material.alpha for material in materials])
+        p.wall_alpha = table([material.wall_alpha / points for material in materials])
+        p.still_level = table([fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids])
         p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
         return p
 

@@ -11,6 +11,10 @@ from warpsph.model import Model
 from warpsph.state import State
 
 
+# Beside the rows of the list: listed position, counts, the grid's cells and ids, the order and the sorting scratch.
+NEIGHBOUR_BYTES = 12 + 3 * 4 + 4 * 4 + 4 + (24 + 12 + 8 + 4 + 4)
+
+
 class Neighbours:
     """Verlet lists of a state: fluid neighbours in rows of fixed room, wall points end to end.
 

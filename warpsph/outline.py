@@ -1,4 +1,4 @@
-"""The exact lines of walls: straight legs and arcs of circles, end to end, and points spread evenly along them.
+"""Exact outlines of walls and shapes: straight legs and arcs end to end, and points spread evenly along them.
 
 A clearance or a length is that of the drawing, not of its samples. Plane points are [x, z].
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.scene import Corner, Scene, Wall
+from warpsph.scene import Corner, Scene, Shape, Wall
 
 Array = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ Leg = Line | Bend
 
 @dataclass(frozen=True)
 class Outline:
-    """The exact line of one wall: legs end to end, closed or open."""
+    """The exact line of a wall or around a shape: legs end to end, closed or open."""
 
     legs: tuple[Leg, ...]
     closed: bool
@@ -106,6 +106,27 @@ class Outline:
             pieces = 1 if isinstance(leg, Line) else math.ceil(abs(leg.turn) / math.radians(0.5))
             corners.append(leg.points(np.linspace(0.0, 1.0, pieces + 1)))
         return np.concatenate(corners)
+
+    def shifted(self, distance: float) -> Outline:
+        """The parallel outline `distance` [m] to the left; straight legs meet anew at their corners."""
+        legs = []
+        for leg in self.legs:
+            if isinstance(leg, Line):
+                offset = distance * leg.normals(np.zeros(1))[0]
+                legs.append(Line(leg.start + offset, leg.end + offset))
+            else:
+                # An arc narrower than the shift keeps a trace of itself rather than turning inside out.
+                radius = max(leg.radius - math.copysign(1.0, leg.turn) * distance, 0.01 * leg.radius)
+                legs.append(Bend(leg.center, radius, leg.start, leg.turn))
+        joints = [(i, i + 1) for i in range(len(legs) - 1)] + [(len(legs) - 1, 0)] * self.closed
+        for i, j in joints:
+            a, b = legs[i], legs[j]
+            if isinstance(a, Line) and isinstance(b, Line):
+                ways = np.stack([a.end - a.start, b.start - b.end], axis=1)
+                if abs(np.linalg.det(ways)) > 1e-9 * a.length * b.length:
+                    corner = a.start + np.linalg.solve(ways, b.end - a.start)[0] * (a.end - a.start)
+                    legs[i], legs[j] = Line(a.start, corner), Line(corner, b.end)
+        return Outline(tuple(legs), self.closed)
 
     def sample(self, spacing: float) -> tuple[Array, Array, Array]:
         """Points at most `spacing` [m] apart, evenly along each leg; the joints of legs are points, once each.
@@ -136,20 +157,27 @@ class Outline:
 def wall_outline(scene: Scene, index: int) -> Outline:
     """The exact line of `scene.walls[index]`.
 
-    Boxes and discs run counter-clockwise, so that their normals point inwards. Raises SceneError for a path that
-    stands still, or a corner that is too tight for its radius.
+    Raises SceneError for a path that stands still, or a corner that is too tight for its radius.
     """
     wall = scene.walls[index]
-    if wall.box:
-        (left, low), (right, high) = wall.box.min, wall.box.max
-        corners = np.array([[left, low], [right, low], [right, high], [left, high]])
-        return Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), True)
-    if wall.disc:
-        return Outline((Bend(np.array(wall.disc.center), wall.disc.radius, 0.0, 2 * math.pi),), True)
+    if wall.path:
+        return Outline(_path_legs(scene, index, wall), wall.closed)
     if wall.arc:
         start, end = math.radians(wall.arc.start), math.radians(wall.arc.end)
-        return Outline((Bend(np.array(wall.arc.center), wall.arc.radius, start, end - start),), False)
-    return Outline(_path_legs(scene, index, wall), wall.closed)
+        return Outline((Bend(np.array(wall.arc.center), wall.arc.radius, start, end - start),), closed=False)
+    return closed_outline(wall)
+
+
+def closed_outline(part: Wall | Shape) -> Outline:
+    """The exact outline of a box, a disc or a polygon; boxes and discs run counter-clockwise from the bottom."""
+    if part.disc:
+        return Outline((Bend(np.array(part.disc.center), part.disc.radius, -0.5 * math.pi, 2 * math.pi),), closed=True)
+    if part.box:
+        (left, low), (right, high) = part.box.min, part.box.max
+        corners = np.array([[left, low], [right, low], [right, high], [left, high]])
+    else:
+        corners = np.array(part.polygon)
+    return Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), closed=True)
 
 
 def _path_legs(scene: Scene, index: int, wall: Wall) -> tuple[Leg, ...]:

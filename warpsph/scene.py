@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -50,12 +51,19 @@ def _pair(value: Any) -> Any:
     return value
 
 
+def _increasing(value: tuple[float, float]) -> tuple[float, float]:
+    if not value[0] < value[1]:
+        raise _fault("the first must be less than the second")
+    return value
+
+
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
 Name = Annotated[str, Field(pattern=NAME)]
 Pair = Annotated[tuple[Real, Real], BeforeValidator(_pair)]
+Range = Annotated[Pair, AfterValidator(_increasing)]
 
 
 class Part(BaseModel):
@@ -102,6 +110,9 @@ class Material(Part):
         "tait", description="Pressure from density [-]: tait (exponent 7) or linear."
     )
     alpha: NotNegative = Field(0.025, description="Coefficient of the artificial viscosity [-].")
+    wall_alpha: NotNegative = Field(
+        0.0, description="Coefficient of the artificial viscosity against walls [-]; 0 lets the fluid slip freely."
+    )
     color: Annotated[str, Field(pattern=COLOR)] | None = Field(
         None, description='Colour in pictures, as "#rrggbb" [-]; from a palette when absent.'
     )
@@ -192,7 +203,20 @@ class WallModel(Part):
         3.0, description="Particle spacing over the spacing of wall points, beta [-]."
     )
     strength: Positive = Field(0.01, description="Strength of the wall force, K / c0^2 [-].")
-    alpha: NotNegative = Field(0.0, description="Coefficient of the artificial viscosity against the wall [-].")
+    set_back: NotNegative = Field(
+        0.95,
+        description="How far behind the wall line its points stand, in spacings [-]: still water then rests with its "
+        "first row half a spacing off the line, and the volume between the walls is the volume of the fluid.",
+    )
+
+
+class DensityDiffusion(Part):
+    """Diffusion of density between particles of one fluid, which keeps the pressure smooth."""
+
+    model: Literal["none", "molteni_colagrossi", "fourtakas"] = Field(
+        "fourtakas", description="What is diffused [-]; fourtakas leaves fluid at rest alone."
+    )
+    delta: NotNegative = Field(0.1, description="Coefficient of the diffusion [-].")
 
 
 class Shape(Part):
@@ -214,16 +238,10 @@ class Fill(Part):
     """Fluid at rest below a level and above a wall."""
 
     level: Real = Field(description="Height of the free surface, z [m].")
-    above: Name = Field(description="Name of the wall that carries the fluid [-].")
-    between: Pair | None = Field(
+    above: str = Field(description="Name of the wall that carries the fluid [-].")
+    between: Range | None = Field(
         None, description="Least and largest x of the fill [m]; the extent of the wall when absent."
     )
-
-    @model_validator(mode="after")
-    def _has_a_width(self) -> Fill:
-        if self.between is not None and not self.between[0] < self.between[1]:
-            raise _fault("the first must be less than the second", "between")
-        return self
 
 
 class Lattice(Part):
@@ -273,6 +291,16 @@ class WarmUp(Part):
 
     duration: Positive = Field(description="How long the settling lasts [s].")
     damping: NotNegative = Field(description="Rate at which velocity is damped meanwhile [1/s].")
+    settling: NotNegative | None = Field(
+        None,
+        description="How long a fill keeps the density of rest while its particles find their places [s]; half the "
+        "duration when absent.",
+    )
+
+    @property
+    def settling_time(self) -> float:
+        """How long a fill keeps the density of rest [s]."""
+        return 0.5 * self.duration if self.settling is None else min(self.settling, self.duration)
 
 
 class Run(Part):
@@ -290,16 +318,8 @@ class Run(Part):
 class View(Part):
     """The window of a picture."""
 
-    x: Pair = Field(description="From x to x [m].")
-    z: Pair = Field(description="From z to z [m].")
-
-    @model_validator(mode="after")
-    def _has_an_inside(self) -> View:
-        for name in ("x", "z"):
-            low, high = getattr(self, name)
-            if not low < high:
-                raise _fault("the first must be less than the second", name)
-        return self
+    x: Range = Field(description="From x to x [m].")
+    z: Range = Field(description="From z to z [m].")
 
 
 class Output(Part):
@@ -327,6 +347,7 @@ class Scene(Part):
         "signal", description="Artificial viscosity [-]: signal (all pairs) or monaghan (approaching pairs only)."
     )
     viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
+    density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
     walls: tuple[Wall, ...] = Field((), description="Walls.")
@@ -415,7 +436,10 @@ def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
-        mistakes = [_explain(mistake) for mistake in error.errors(include_url=False)]
+        found = error.errors(include_url=False)
+        # A list counts as too short when its entries are wrong: the entries are what to name.
+        found = [mistake for mistake in found if mistake["type"] != "too_short"] or found
+        mistakes = [_explain(mistake) for mistake in found]
         raise source.error(*min(mistakes, key=lambda mistake: source.place(mistake[0])[0])) from None
     scene._source = source
     return scene
@@ -459,7 +483,7 @@ def _explain(mistake: Mapping[str, Any]) -> tuple[str, str]:
         return path, f"{_NEEDS[kind]} is needed, not {show(value)}"
     if kind in _BOUNDS:
         bound, words = _BOUNDS[kind]
-        return path, f"must be {words} {show(context[bound])}, not {show(value)}"
+        return path, f"must be {words} {context[bound]:g}, not {show(value)}"
     if kind == "literal_error":
         names = re.findall(r"[\w.]+", context["expected"].replace(" or ", " "))
         return path, f"{show(value)} is not known here{nearest(value, names)}"

@@ -34,7 +34,7 @@ class SourceMap:
     def place(self, path: str) -> tuple[float, str]:
         """The place of `path`, or of the nearest part around it that was written at all."""
         while path and path not in self.places:
-            path = re.sub(r"(\.?[^.\[\]]+|\[\d+\])$", "", path)
+            path = path[: max(path.rfind("."), path.rfind("["), 0)]
         return self.places.get(path, (0, ""))
 
     def error(self, path: str, message: str) -> SceneError:
@@ -110,10 +110,10 @@ def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
         for key_node, value_node in node.value:
             key = str(key_node.value)
             inner = f"{path}.{key}" if path else key
-            first = source.place(inner)[1]
+            first = source.places.get(inner)
             note(inner, key_node.start_mark)
             if key in data:
-                raise source.error(inner, f"written twice; the first is at {first}")
+                raise source.error(inner, f"written twice; the first is at {first[1]}")
             data[key] = plain(value_node, inner, above)
         return data
 
@@ -190,4 +190,5 @@ def _check_step(holder: Any, key: str | int, walked: str, label: str) -> None:
     if isinstance(key, int) and not isinstance(holder, list):
         raise SceneError(f"{label}: {walked} is not a list")
     if isinstance(key, int) and key >= len(holder):
-        raise SceneError(f"{label}: {walked} has {len(holder)} entries, counted from 0")
+        entries = f"{len(holder)} {'entry' if len(holder) == 1 else 'entries'}"
+        raise SceneError(f"{label}: {walked} has {entries}, counted from 0")

@@ -46,7 +46,7 @@ class State:
     # A particle's own history: permuted when slots are sorted, kept in checkpoints.
     PARTICLE = ("id", "fluid", "position", "velocity", "density", "acceleration", "density_rate", "xsph_velocity")
     # The clock's, kept in checkpoints.
-    CLOCK = ("time", "dt", "dt_limit", "step", "speed", "damping")
+    CLOCK = ("time", "dt", "dt_limit", "step", "speed")
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -73,6 +73,7 @@ class State:
         self.pressure_acceleration = zeros(wp.vec3)  # [m/s2]
         self.dissipative_acceleration = zeros(wp.vec3)
         self.wall_acceleration = zeros(wp.vec3)
+        self.diffusion_rate = zeros(float)  # the part of density_rate that is diffusion [kg/m3/s]
         self.wall_distance = zeros(float)  # [m]
         self.particle_dt_limit = zeros(float)  # [s]
         self.particle_moved = zeros(float)  # [m]

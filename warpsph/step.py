@@ -14,17 +14,21 @@ class Step:
 
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
+        self.settling = False
         self.neighbours = Neighbours(model, state)
         self._aim = model.launcher.record(
             integrators.aim_clock, 1, [state.time, state.target, state.dt_limit, state.dt]
         )
-        self.neighbours.rebuild()
+        self._relist()
         self._record()
+        self.renew_lists()
 
     def __call__(self) -> None:
         """Advance by one step of length `state.dt`."""
         if self._lists_will_be_stale():
-            self.relist()
+            self._relist()
+        if self.settling:
+            self._rest_density()
         self._drift_half()  # position and density to n+1/2, pressure
         self._accelerate()  # pair loop: pressure, viscosity, tensile correction
         self._push_off_walls()
@@ -34,10 +38,15 @@ class Step:
         self._watch()
         self._advance_clock()  # time, next dt
 
-    def relist(self) -> None:
-        """Sort the particles and list neighbours now."""
+    def renew_lists(self) -> None:
+        """Sort the particles, list neighbours and pack position and pressure anew, between steps (while dt is 0)."""
+        self._relist()
+        self._drift_half()
+
+    def _relist(self) -> None:
         if self.neighbours.rebuild():
             self._record()
+        self.state.moved.zero_()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
@@ -60,6 +69,7 @@ class Step:
 
         packed = (s.position_volume, s.velocity_pressure, s.fluid)
         smoothing = scene.smoothing.kernel
+        self._rest_density = record(density.rest_density, p, s.position, s.fluid, s.density, s.density_rate)
         self._drift_half = record(
             integrators.drift_half,
             *(p, s.dt, s.velocity, s.xsph_velocity, s.acceleration, s.density_rate, s.fluid),
@@ -81,10 +91,13 @@ class Step:
             *(s.particle_dt_limit, s.particle_moved, s.particle_speed, s.particle_fault),
         )
         self._density_rate = record(
-            density.density_rate_kernel(smoothing),
-            *(p, *packed, n.count, n.list, s.density_rate, s.xsph_velocity),
+            density.density_rate_kernel(smoothing, scene.density_diffusion.model),
+            *(p, *packed, n.count, n.list, s.density_rate, s.diffusion_rate, s.xsph_velocity),
         )
-        self._finish_density = record(integrators.finish_density, s.dt, s.density_rate, s.density)
+        self._finish_density = record(
+            integrators.finish_density,
+            *(p, s.dt, s.density_rate, s.diffusion_rate, *packed, s.density, s.work),
+        )
         self._watch = record(
             integrators.watch_blocks,
             *(count, BLOCK_SIZE, s.particle_dt_limit, s.particle_moved, s.particle_speed, s.particle_fault),

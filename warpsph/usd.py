@@ -48,7 +48,8 @@ def _publish(layer: Sdf.Layer, path: Path) -> None:
     try:
         written = layer.Export(str(partial))
     except Tf.ErrorException as error:
-        raise OSError(f"{path}: could not be written: {error}") from error
+        reason = "; ".join(part.commentary for part in error.args)
+        raise OSError(f"{path}: could not be written: {reason}") from error
     if not written:
         raise OSError(f"{path}: could not be written")
     os.replace(partial, path)
@@ -65,11 +66,6 @@ def _prim_names(names: Iterable[str]) -> list[str]:
     return prim_names
 
 
-def _frame_number(path: Path) -> int:
-    """The frame that a file name such as fluid.00012.usdc stands for."""
-    return int(path.name.split(".")[-2])
-
-
 def _linear_color(color: str) -> Gf.Vec3f:
     """USD colours are linear; `#rrggbb` is sRGB."""
     encoded = np.frombuffer(bytes.fromhex(color.removeprefix("#")), dtype=np.uint8) / 255.0
@@ -79,6 +75,8 @@ def _linear_color(color: str) -> Gf.Vec3f:
 
 def _ribbon(outline: np.ndarray, half_width: float) -> tuple[np.ndarray, np.ndarray]:
     """Points and four-cornered faces of an outline in the x-z plane, shape [corner_count, 2], widened along y."""
+    turns = np.any(np.diff(outline, axis=0) != 0.0, axis=1)
+    outline = outline[np.append(True, turns)]  # a corner written twice would make a face without area
     points = np.zeros((len(outline), 2, 3), dtype=np.float32)
     points[:, :, 0] = outline[:, None, 0]
     points[:, :, 1] = -half_width, half_width
@@ -151,9 +149,10 @@ class UsdCache:
             self._write_root()
         else:
             self.root.unlink(missing_ok=True)
-        for path in frames.glob("*fluid.*.usdc"):
-            if path.name.startswith(".") or _frame_number(path) >= self.frame_count:
-                path.unlink()
+        kept = {self._frame_path(frame) for frame in range(self.frame_count)}
+        unfinished = [*self.folder.glob(".scene.*"), *frames.glob(".fluid.*")]
+        for path in {*frames.glob("fluid.*.usdc"), *unfinished} - kept:
+            path.unlink()
         static, manifest = self._make_static_stage(walls), self._declare_fluids()
         _publish(static.GetRootLayer(), self.folder / "static.usdc")
         _publish(manifest.GetRootLayer(), self.folder / "manifest.usda")

@@ -30,7 +30,7 @@ def check_cache(folder: Path) -> list[str]:
     try:
         stage = Usd.Stage.Open(str(root))
     except Tf.ErrorException as error:
-        return [f"{root}: does not open: {_one_line(error)}"]
+        return [f"{root}: does not open: {_reason(error)}"]
     problems = [*_stage_problems(stage), *_clip_problems(stage)]
     if problems:
         return problems
@@ -75,15 +75,16 @@ def _clip_problems(stage: Usd.Stage) -> Iterator[str]:
         try:
             Sdf.Layer.FindOrOpen(asset.resolvedPath)
         except Tf.ErrorException as error:
-            yield f"{asset.path}: does not open: {_one_line(error)}"
+            yield f"{asset.path}: does not open: {_reason(error)}"
 
 
 def _frames(stage: Usd.Stage) -> range:
     return range(round(stage.GetStartTimeCode()), round(stage.GetEndTimeCode()) + 1)
 
 
-def _one_line(error: Tf.ErrorException) -> str:
-    return " ".join(str(error).split())
+def _reason(error: Tf.ErrorException) -> str:
+    """What USD says went wrong, without the places in its own source."""
+    return "; ".join(" ".join(part.commentary.split()) for part in error.args)
 
 
 def _fluid_problems(stage: Usd.Stage, prim: Usd.Prim) -> Iterator[str]:
@@ -114,7 +115,7 @@ def _read_frame(prim: Usd.Prim, frame: int) -> tuple[Arrays, list[str]]:
         try:
             value = attribute.Get(frame) if attribute else None
         except Tf.ErrorException as error:
-            problems.append(f"{name} cannot be read: {_one_line(error)}")
+            problems.append(f"{name} cannot be read: {_reason(error)}")
             continue
         if value is None:
             problems.append(f"{name} is missing")
@@ -139,7 +140,9 @@ def _frame_problems(arrays: Arrays, diameter: float) -> Iterator[str]:
             yield f"{name} is not finite"
     low, high = arrays["extent"].astype(np.float64)
     rounding = 1e-6 * np.abs(arrays["extent"]).max()
-    outside = (arrays["points"] - 0.5 * diameter < low - rounding) | (arrays["points"] + 0.5 * diameter > high + rounding)
+    outside = (arrays["points"] - 0.5 * diameter < low - rounding) | (
+        arrays["points"] + 0.5 * diameter > high + rounding
+    )
     if outside.any():
         yield f"{outside.any(axis=1).sum()} particles reach out of the extent"
     if len(np.unique(arrays["ids"])) != count:

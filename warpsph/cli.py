@@ -1,0 +1,241 @@
+"""The command line: what a user types, and the exit code of whatever happens.
+
+0 done; 1 a validation failed; 2 the user's input; 3 the physics blew up; 4 the machine (disk, memory, device).
+"""
+
+import argparse
+import json
+import logging
+import math
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from warpsph.checkpoint import CheckpointError
+from warpsph.launch import DeviceError
+from warpsph.scene import Scene, SceneError, load_scene
+
+OK, INVALID, INPUT, BLOWN_UP, MACHINE = 0, 1, 2, 3, 4
+
+_PACKAGE = Path(__file__).parent
+# Beside the package in a wheel, beside its folder in a checkout.
+SCENES = next((p for p in (_PACKAGE / "scenes", _PACKAGE.parent / "scenes") if p.is_dir()), _PACKAGE / "scenes")
+
+# Whole steps, both pair loops included, on one core of a current processor; what `check` estimates time with.
+# Measured by `python -m warpsph scene scenes/landslide.yaml --threads 1`.
+UPDATES_PER_SECOND_AND_THREAD = 1.2e6
+
+
+class _InputError(Exception):
+    """A mistake on the command line; the text is one line."""
+
+
+def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
+    """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
+    from warpsph.run import FolderError  # the heavy imports come only once the words are understood
+
+    options = _parser().parse_args(arguments)
+    options.began = time.perf_counter() if began is None else began
+    _log_to_terminal()
+    try:
+        return options.command(options)
+    except (SceneError, FolderError, CheckpointError, DeviceError, _InputError) as error:
+        return _complain(str(error), INPUT)
+    except KeyboardInterrupt:
+        return _complain("stopped from the keyboard", MACHINE)
+    except MemoryError:
+        return _complain("out of memory: use a larger spacing; `check` tells how much a scene needs", MACHINE)
+    except OSError as error:
+        return _complain(f"{error.filename or 'the machine'}: {error.strerror or error}", MACHINE)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, function: Any, help: str) -> argparse.ArgumentParser:
+        one = commands.add_parser(name, help=help, description=help)
+        one.set_defaults(command=function)
+        return one
+
+    scene = command("scene", _scene, "run a scene: records, pictures, a report and a USD cache go to a run folder")
+    check = command("check", _check, "print counts, memory, time step and time of a scene; nothing is run")
+    for one in (scene, check):
+        one.add_argument("file", type=Path, help="scene file (YAML)")
+        one.add_argument("--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene")
+        one.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+    scene.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
+    scene.add_argument("--overwrite", action="store_true", help="replace the run that the folder holds")
+
+    resume = command("resume", _resume, "go on from the last checkpoint of a run, bit for bit")
+    resume.add_argument("run", type=Path, help="run folder")
+    resume.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+    validate = command("validate", _validate, "reproduce the case studies: measured against reference, pass or fail")
+    validate.add_argument("cases", nargs="*", metavar="CASE", help="cases to run (default: all)")
+    validate.add_argument("--list", action="store_true", help="name the cases and run nothing")
+    validate.add_argument("--json", type=Path, metavar="FILE", help="write the results to FILE as well")
+    validate.add_argument("--out", type=Path, default=Path("runs/validate"), help="folder for the runs")
+    for one in (scene, check, resume, validate):
+        one.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
+        one.add_argument("--threads", type=_positive, help="CPU threads (default: all cores)")
+
+    report = command("report", _report, "write the HTML page of a run again")
+    report.add_argument("run", type=Path, help="run folder")
+    command("list", _list, "name the scenes that ship with warpsph")
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be 1 or more, not {value}")
+    return value
+
+
+def _complain(message: str, code: int) -> int:
+    print(message, file=sys.stderr)
+    return code
+
+
+def _log_to_terminal() -> None:
+    log = logging.getLogger("warpsph")
+    log.setLevel(logging.INFO)
+    log.propagate = False
+    for old in list(log.handlers):
+        log.removeHandler(old)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setLevel(logging.WARNING)
+    handler.setFormatter(logging.Formatter("warning: %(message)s"))
+    log.addHandler(handler)
+
+
+def _load(options: argparse.Namespace) -> Scene:
+    overrides = [*options.set]
+    if options.until is not None:
+        overrides.append(f"run.end_time={options.until}")
+    return load_scene(options.file, overrides)
+
+
+def _scene(options: argparse.Namespace) -> int:
+    from warpsph.run import Run
+
+    scene = _load(options)
+    folder = options.out or Path("runs") / options.file.stem
+    run = Run(
+        scene,
+        folder,
+        device=options.device,
+        threads=options.threads,
+        overwrite=options.overwrite,
+        began=options.began,
+    )
+    return _finish(run)
+
+
+def _resume(options: argparse.Namespace) -> int:
+    from warpsph.run import Run
+
+    file = options.run / "scene.yaml"
+    if not file.exists():
+        raise _InputError(f"{options.run}: not a run folder (it has no scene.yaml)")
+    scene = load_scene(file, [] if options.until is None else [f"run.end_time={options.until}"])
+    run = Run(
+        scene, options.run, device=options.device, threads=options.threads, resume=True, began=options.began
+    )
+    return _finish(run)
+
+
+def _finish(run: Any) -> int:
+    from warpsph.run import BLEW_UP
+
+    facts = run.execute()
+    print(summary(facts, run.folder))
+    if facts["outcome"] == BLEW_UP:
+        return _complain(f"blew up: {facts['why']}", BLOWN_UP)
+    return OK
+
+
+def summary(facts: dict[str, Any], folder: Path) -> str:
+    """What a run came to, for the terminal."""
+    speed, conservation = facts["speed"], facts["conservation"]
+    lines = [
+        f"{facts['title']}: {facts['outcome']} at t = {facts['time [s]']:g} s",
+        f"  particles       {facts['counts']['particles']:,} and {facts['counts']['wall points']:,} wall points",
+        f"  steps           {speed['steps']:,}, {speed['particle updates per second'] / 1e6:.2f} M particle-updates/s",
+        f"  first step      {speed['seconds to the first step'] or math.nan:.1f} s after the start",
+        f"  whole run       {speed['seconds, all output included']:.1f} s, all output included",
+        f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
+    ]
+    if "energy drift / converted" in conservation:
+        lines.append(f"  energy sum      drifts by {conservation['energy drift / converted']:.2%} of the energy converted")
+    for name, gauge in facts["gauges"].items():
+        lines.append(
+            f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
+            f"at t = {gauge['crest time [s]']:.3f} s"
+        )
+    lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
+    return "\n".join(lines)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from warpsph.launch import Launcher
+    from warpsph.simulation import forecast
+
+    scene = _load(options)
+    launcher = Launcher(options.device, options.threads)
+    facts = forecast(scene, launcher)
+    seconds = facts.steps * facts.particle_count / (UPDATES_PER_SECOND_AND_THREAD * launcher.threads)
+    print(f"{scene.title}")
+    for name, count in facts.counts.items():
+        print(f"  {name:<15} {count:,} particles")
+    print(f"  wall points     {facts.wall_count:,}")
+    print(f"  memory          {facts.memory / 1e6:,.1f} MB ({facts.memory / facts.particle_count:.0f} bytes a particle)")
+    print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
+    print(f"  time            about {_duration(seconds)} on {launcher.threads} thread(s), output not counted")
+    for warning in facts.warnings:
+        print(f"  warning: {warning}")
+    return OK
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from warpsph.validation import CASES, print_table, run_case
+
+    unknown = [name for name in options.cases if name not in CASES]
+    if unknown:
+        raise _InputError(f"no validation case named '{unknown[0]}'; there are: {', '.join(CASES)}")
+    if options.list:
+        for name, case in CASES.items():
+            print(f"{name:<18} {case.title}")
+        return OK
+    results = []
+    for name in options.cases or CASES:
+        print(f"running {name} ...", file=sys.stderr, flush=True)
+        results += run_case(name, SCENES, options.out, device=options.device, threads=options.threads)
+    print_table(results)
+    if options.json:
+        options.json.write_text(json.dumps([result.as_dict() for result in results], indent=2) + "\n", encoding="utf-8")
+    return OK if all(result.passed for result in results) else INVALID
+
+
+def _report(options: argparse.Namespace) -> int:
+    from warpsph.report import write_report
+
+    if not (options.run / "run.json").exists():
+        raise _InputError(f"{options.run}: not a finished run (it has no run.json)")
+    print(write_report(options.run))
+    return OK
+
+
+def _list(options: argparse.Namespace) -> int:
+    for path in sorted(SCENES.glob("*.yaml")):
+        print(f"{path.stem:<18} {load_scene(path).title}")
+    print(f"in {SCENES}")
+    return OK

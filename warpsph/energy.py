@@ -1,0 +1,93 @@
+"""Energy budget, and the motion of each fluid as a whole."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import warp as wp
+
+from warpsph.kernels import energy as kernels
+from warpsph.model import Model
+from warpsph.state import BLOCK_SIZE, State
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Energies of all fluids [J, or J/m in 2-D]; the last three are sums over time since the release."""
+
+    kinetic: float
+    potential: float
+    internal: float
+    dissipated: float  # by viscosity, the tensile correction and density diffusion
+    wall_work: float  # done on the fluid by walls
+    damped: float  # by the damping of a warm-up
+
+    @property
+    def total(self) -> float:
+        """What must not change: kinetic + potential + internal + dissipated + damped - wall work."""
+        return self.kinetic + self.potential + self.internal + self.dissipated + self.damped - self.wall_work
+
+
+    def parts(self) -> list[float]:
+        """The six parts in the order above."""
+        return [getattr(self, part.name) for part in fields(self)]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One fluid as a whole.
+
+    Attributes:
+        mass: [kg, or kg/m in 2-D].
+        center: Centre of gravity [m], shape [3].
+        velocity: Of the centre of gravity [m/s], shape [3].
+        front: Largest x of its particles [m].
+    """
+
+    mass: float
+    center: np.ndarray
+    velocity: np.ndarray
+    front: float
+
+
+class Energy:
+    """Sums over the particles of a state."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        fluids = len(model.fluid_names)
+        rows = state.block_count * fluids
+        self._sums = wp.zeros((rows, kernels.COLUMN_COUNT), dtype=wp.float64, device=model.launcher.device)
+        self._shape = (state.block_count, fluids, kernels.COLUMN_COUNT)
+        self._measure = model.launcher.record(
+            kernels.sum_blocks,
+            rows,
+            [
+                *(model.parameters, model.particle_count, BLOCK_SIZE, fluids, state.position, state.velocity),
+                *(state.density, state.work, state.fluid, self._sums),
+            ],
+        )
+
+    def measure(self) -> tuple[Budget, list[Motion]]:
+        """The budget, and the motion of each fluid in the scene's order."""
+        self._measure()
+        blocks = self._sums.numpy().reshape(self._shape)
+        fluids = blocks.sum(axis=0)
+        total = fluids.sum(axis=0)
+        budget = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS))
+        motions = [
+            Motion(
+                mass=float(row[kernels.MASS]),
+                center=row[_X] / row[kernels.MASS],
+                velocity=row[_U] / row[kernels.MASS],
+                front=float(blocks[:, f, kernels.FRONT].max()),
+            )
+            for f, row in enumerate(fluids)
+        ]
+        return budget, motions
+
+
+_BUDGET_COLUMNS = (
+    *(int(kernels.KINETIC), int(kernels.POTENTIAL), int(kernels.INTERNAL)),
+    *(int(kernels.DISSIPATED), int(kernels.WALL_WORK), int(kernels.DAMPED)),
+)
+_X = slice(int(kernels.MASS_X), int(kernels.MASS_X) + 3)
+_U = slice(int(kernels.MASS_U), int(kernels.MASS_U) + 3)

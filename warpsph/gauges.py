@@ -1,0 +1,68 @@
+"""Wave gauges: the level of the free surface at places along the flume."""
+
+import numpy as np
+import warp as wp
+
+from warpsph.kernels.gauges import volume_fraction_kernel
+from warpsph.model import Model
+from warpsph.neighbours import Neighbours
+from warpsph.state import State
+
+# Surface that is thinner than this, in spacings, is spray or an overturning lip, and is looked through.
+LEAST_THICKNESS = 2.0
+
+
+class Gauges:
+    """The level at each gauge of a scene: where the volume fraction crosses one half, coming down from above."""
+
+    def __init__(self, model: Model, state: State, neighbours: Neighbours) -> None:
+        gauges, walls = model.scene.gauges, model.wall_position.numpy()
+        self.names = [gauge.name for gauge in gauges]
+        self._step = 0.5 * model.spacing
+        floor = min([*walls[:, 2], model.initial_position[:, 2].min()])
+        # As high as the fluid could ever rise without energy from outside, and half as much again.
+        top = floor + 1.5 * (model.initial_position[:, 2].max() - floor) + 4.0 * model.spacing
+        self._heights = [
+            np.arange(floor if gauge.bottom is None else gauge.bottom, top, self._step) for gauge in gauges
+        ]
+        if not gauges:
+            return
+        points = [
+            np.stack([np.full_like(z, gauge.x), np.zeros_like(z), z], axis=1)
+            for gauge, z in zip(gauges, self._heights, strict=True)
+        ]
+        device = model.launcher.device
+        points = wp.array(np.concatenate(points), dtype=wp.vec3, device=device)
+        self._fraction = wp.zeros(len(points), dtype=float, device=device)
+        self._measure = model.launcher.record(
+            volume_fraction_kernel(model.scene.smoothing.kernel),
+            len(points),
+            [neighbours.grid.id, model.parameters, points, state.position_volume, self._fraction],
+        )
+
+    def levels(self) -> list[float]:
+        """Level at each gauge [m]; the bottom of the gauge where it is dry."""
+        if not self.names:
+            return []
+        self._measure()
+        ends = np.cumsum([len(z) for z in self._heights])[:-1]
+        fractions = np.split(self._fraction.numpy(), ends)
+        thick = max(1, round(LEAST_THICKNESS * 2.0))
+        return [surface(z, fraction, thick) for z, fraction in zip(self._heights, fractions, strict=True)]
+
+
+def surface(heights: np.ndarray, fraction: np.ndarray, thick: int) -> float:
+    """Height [m] of the highest crossing of one half that has `thick` full samples in a row below it.
+
+    `heights` [m] rise evenly; `fraction` is the volume fraction there, same shape [n].
+    """
+    full = fraction >= 0.5
+    run = np.convolve(full, np.ones(thick, dtype=int))[: len(full)]
+    tops = np.flatnonzero(run == thick)
+    if not len(tops):
+        return float(heights[0])
+    k = tops[-1]
+    if k + 1 == len(heights):
+        return float(heights[-1])
+    share = (fraction[k] - 0.5) / (fraction[k] - fraction[k + 1])
+    return float(heights[k] + share * (heights[1] - heights[0]))

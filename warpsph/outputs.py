@@ -1,0 +1,91 @@
+"""What is drawn and cached of a run: PNG frames, an animation, the gauge picture, the USD cache, the report."""
+
+import logging
+import math
+from pathlib import Path
+
+import numpy as np
+
+import warpsph
+from warpsph.geometry import drop_height
+from warpsph.outline import wall_outline
+from warpsph.preview import FrameWriter, animate, fluid_colors, gauge_picture, window_around
+from warpsph.report import write_report
+from warpsph.scene import Scene
+from warpsph.simulation import Simulation
+from warpsph.usd import UsdCache
+
+log = logging.getLogger("warpsph")
+
+
+class Outputs:
+    """Pictures and cache of one run folder."""
+
+    def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
+        """`resume_at` is the first frame that is yet to come when a run goes on; None for a new run."""
+        self._scene, self._simulation, self._folder = scene, simulation, folder
+        colors = {name: material.color for name, material in scene.materials.items()}
+        fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
+        walls = {wall.name: _drawn(wall_outline(scene, i)) for i, wall in enumerate(scene.walls)}
+        self._frame = resume_at or 0
+        self._pictures: FrameWriter | None = None
+        self._cache: UsdCache | None = None
+        if scene.output.pictures:
+            particles = simulation.placement.position[:, ::2]
+            view = scene.output.view
+            self._pictures = FrameWriter(
+                folder / "preview",
+                title=scene.title,
+                fluids=fluids,
+                walls=walls,
+                spacing=scene.spacing,
+                window=(view.x, view.z) if view else window_around(np.concatenate([particles, *walls.values()]), scene.spacing),
+                speed_scale=_round(0.7 * math.sqrt(2.0 * scene.gravity * drop_height(simulation.placement))),
+            )
+        if scene.output.usd:
+            self._cache = UsdCache(
+                folder / "usd",
+                fluids=fluids,
+                walls=walls,
+                spacing=scene.spacing,
+                frames_per_second=scene.output.frames_per_second,
+                provenance={"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
+                resume_at=resume_at,
+            )
+
+    def write_frame(self) -> None:
+        """Draw and cache the fluid as it is now."""
+        if self._pictures is None and self._cache is None:
+            return
+        snapshot = self._simulation.state.snapshot()
+        if self._pictures is not None:
+            self._pictures.write(self._frame, snapshot)
+        if self._cache is not None:
+            self._cache.write(snapshot)
+        self._frame += 1
+
+    def finish(self) -> None:
+        """Make the animation and the picture of the gauge record."""
+        preview, scene = self._folder / "preview", self._scene
+        if self._pictures is not None and self._frame:
+            animate(preview, preview / "animation", scene.output.frames_per_second)
+        if scene.output.pictures and scene.gauges:
+            gauge_picture([self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png")
+
+    def report(self) -> None:
+        """Write the HTML page; needs run.json."""
+        write_report(self._folder)
+
+
+def _drawn(outline) -> np.ndarray:
+    """Corners of a wall as it is drawn [m], shape [n, 2], ending where it starts if it is closed."""
+    corners = outline.polygon()
+    return np.concatenate([corners, corners[:1]]) if outline.closed else corners
+
+
+def _round(value: float) -> float:
+    """The nearest of 1, 2, 5 times a power of ten at or above `value`; 1 for nothing."""
+    if value <= 0.0:
+        return 1.0
+    unit = 10.0 ** math.floor(math.log10(value))
+    return next(step * unit for step in (1.0, 2.0, 5.0, 10.0) if step * unit >= value * 0.999)

@@ -1,0 +1,347 @@
+"""Pictures of a run: a frame of particles, an animation of frames, the gauge records, a sheet of frames.
+
+Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and without pyplot's global state.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+from matplotlib import font_manager
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from PIL import Image, ImageDraw, ImageFont
+
+if TYPE_CHECKING:
+    from warpsph.state import Snapshot
+
+Window = tuple[tuple[float, float], tuple[float, float]]
+
+# Colours of materials that name none, and of lines in plots.
+MATERIAL_PALETTE = ("#2f7fb8", "#8a6a4a", "#3c8d7b", "#b98a2e", "#7d5a9b", "#b0513f")
+LINE_PALETTE = ("#1f5f99", "#c2512f", "#2e7d5b", "#8a4f9e", "#a67c00", "#4a5560")
+INK = "#2b2f33"
+GREY = "#9aa0a6"
+
+DOTS_PER_INCH = 100
+WIDTH = 1280  # of a frame [px]
+NARROWEST = 640  # frame that still has room for its title and legend [px]
+TALLEST_PLOT = 720  # a window that would be taller at full width makes a narrower plot [px]
+LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
+GIF_WIDTH = 800  # [px]
+GIF_RATE = 15.0  # pictures per second of an animated GIF, about [1/s]
+
+
+# -------------------------------------------------------------------------------------------------- frames of particles
+
+
+def fluid_colors(fluid_materials: Mapping[str, str], material_colors: Mapping[str, str | None]) -> dict[str, str]:
+    """Colour of each fluid, `#rrggbb`.
+
+    Args:
+        fluid_materials: Name of each fluid, and of its material.
+        material_colors: Name of each material, and its colour; None takes the next of the palette.
+    """
+    palette = cycle(MATERIAL_PALETTE)
+    colors = {material: color or next(palette) for material, color in material_colors.items()}
+    return {fluid: colors[material] for fluid, material in fluid_materials.items()}
+
+
+def window_around(points: np.ndarray, spacing: float) -> Window:
+    """A window ((x, x), (z, z)) [m] around points of the x-z plane [m], shape [n, 2], with a little air.
+
+    `spacing` [m] is that of the particles.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    air = 2.0 * spacing + 0.01 * (high - low).max()
+    return (float(low[0] - air), float(high[0] + air)), (float(low[1] - air), float(high[1] + air))
+
+
+class FrameWriter:
+    """Draws a PNG of the particles for each frame.
+
+    Axes, legend and labels are drawn once; a frame restores them and adds particles: discs one spacing wide in their
+    material's colour, the lighter the faster.
+
+    Args:
+        folder: Where frame.00000.png ... go; made when absent.
+        title: Written above every frame.
+        fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
+        walls: Name of each wall, and its outline in the x-z plane [m], shape [corner_count, 2].
+        spacing: Particle spacing [m].
+        window: What is seen, ((x, x), (z, z)) [m].
+        speed_scale: Speed that is drawn lightest [m/s].
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        title: str,
+        fluids: Mapping[str, str],
+        walls: Mapping[str, np.ndarray],
+        spacing: float,
+        window: Window,
+        speed_scale: float,
+    ) -> None:
+        self.folder = Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._speed_scale = speed_scale
+        self._shades = np.stack([_shades(color) for color in fluids.values()])
+        self._figure, axes, legend = _lay_out(window, fluid_count=len(fluids))
+        self._canvas = FigureCanvasAgg(self._figure)
+        _draw_legend(legend, list(fluids), self._shades, speed_scale)
+        self._particles = EllipseCollection(
+            widths=spacing,
+            heights=spacing,
+            angles=0.0,
+            units="xy",
+            offsets=np.empty((0, 2)),
+            offset_transform=axes.transData,
+            linewidths=0.0,
+            snap=False,  # Agg would move small discs to whole pixels
+        )
+        self._walls = LineCollection(list(walls.values()), colors=INK, linewidths=1.5, capstyle="round")
+        axes.add_collection(self._particles, autolim=False)
+        axes.add_collection(self._walls, autolim=False)
+        left, top = axes.get_window_extent().x0, self._figure.bbox.height
+        self._figure.text(left, top - 32, title, fontsize=13, fontweight="bold", color=INK, transform=None)
+        self._time = self._figure.text(left, top - 58, "", fontsize=12, color=INK, transform=None)
+
+        self._moving = (self._particles, self._walls, self._time)
+        for artist in self._moving:
+            artist.set_animated(True)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+
+    def write(self, frame: int, snapshot: Snapshot) -> Path:
+        """Draw a snapshot as frame number `frame`, and return the path of the picture."""
+        speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
+        shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
+        self._particles.set_offsets(snapshot.position[:, ::2])
+        self._particles.set_facecolor(self._shades[snapshot.fluid, shade])
+        self._time.set_text(f"t = {snapshot.time:.3f} s")
+        self._canvas.restore_region(self._background)
+        for artist in self._moving:
+            self._figure.draw_artist(artist)
+        path = self.folder / f"frame.{frame:05d}.png"
+        unfinished = path.with_name(f".{path.name}")
+        pixels = np.asarray(self._canvas.buffer_rgba())[:, :, :3]
+        # Level 4 takes about two thirds of the time of Pillow's usual 6, for a few percent more bytes.
+        Image.fromarray(pixels).save(unfinished, compress_level=4)
+        os.replace(unfinished, path)
+        return path
+
+
+def _shades(color: str) -> np.ndarray:
+    """A material's colour from rest (a little darker) to the speed scale (pale), RGBA, shape [256, 4]."""
+    base = np.array(to_rgb(color))
+    darkest, lightest = 0.85 * base, base + 0.7 * (1.0 - base)
+    share = np.linspace(0.0, 1.0, 256)[:, None]
+    return np.hstack([darkest + share * (lightest - darkest), np.ones_like(share)])
+
+
+def _lay_out(window: Window, fluid_count: int) -> tuple[Figure, Axes, Axes]:
+    """A figure whose plot has the window's proportions, the plot, and the axes of its legend at the upper right."""
+    (x_low, x_high), (z_low, z_high) = window
+    scale = min((WIDTH - LEFT - RIGHT) / (x_high - x_low), TALLEST_PLOT / (z_high - z_low))  # [px/m]
+    plot = scale * (x_high - x_low), scale * (z_high - z_low)
+    legend = 220, 17 * fluid_count
+    top = max(78, legend[1] + 46)
+    # Video needs even numbers of pixels.
+    width = 2 * round(max(plot[0] + LEFT + RIGHT, NARROWEST) / 2)
+    height = 2 * round((plot[1] + BOTTOM + top) / 2)
+    figure = Figure(figsize=(width / DOTS_PER_INCH, height / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
+
+    def add_axes(left: float, bottom: float, size: tuple[float, float]) -> Axes:
+        return figure.add_axes((left / width, bottom / height, size[0] / width, size[1] / height))
+
+    left = LEFT + (width - LEFT - RIGHT - plot[0]) / 2
+    axes = add_axes(left, BOTTOM, plot)
+    axes.set(xlim=window[0], ylim=window[1], xlabel="x [m]", ylabel="z [m]")
+    axes.xaxis.set_major_locator(MaxNLocator(max(2, int(plot[0] / 90)), steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(max(2, int(plot[1] / 45)), steps=[1, 2, 5, 10]))
+    axes.spines[:].set_color(GREY)
+    _style_labels(axes)
+    return figure, axes, add_axes(width - RIGHT - legend[0], height - legend[1] - 14, legend)
+
+
+def _draw_legend(axes: Axes, names: Sequence[str], shades: np.ndarray, speed_scale: float) -> None:
+    """A bar of colour for each fluid, from rest to the speed scale."""
+    axes.imshow(shades, extent=(0.0, speed_scale, len(names), 0.0), aspect="auto", interpolation="nearest")
+    axes.hlines(range(1, len(names)), 0.0, speed_scale, color="white", linewidth=2.0)
+    axes.set_yticks(np.arange(len(names)) + 0.5, names)
+    axes.set_xticks([0.0, 0.5 * speed_scale, speed_scale], ["0", "speed [m/s]", f"{speed_scale:.3g}"])
+    for label, side in zip(axes.get_xticklabels(), ("left", "center", "right"), strict=True):
+        label.set_horizontalalignment(side)
+    axes.tick_params(length=0, labelcolor=INK, labelsize=10, pad=4)
+    axes.spines[:].set_visible(False)
+
+
+def _style_labels(axes: Axes) -> None:
+    axes.tick_params(color=GREY, labelcolor=INK, labelsize=10)
+    axes.xaxis.label.set(color=INK, fontsize=11)
+    axes.yaxis.label.set(color=INK, fontsize=11)
+
+
+# ------------------------------------------------------------------------------------------- animation, sheet of frames
+
+
+def animate(frames_dir: Path, out: Path, fps: float) -> Path:
+    """Make an animation of the frames in a folder.
+
+    An MP4 (H.264) where the package imageio-ffmpeg is installed; otherwise an animated GIF, smaller and with fewer
+    pictures per second.
+
+    Args:
+        frames_dir: Holds frame.00000.png ...
+        out: Path of the animation; its suffix is set to what is made.
+        fps: Frames per second of the animation [1/s].
+
+    Returns:
+        Path of the animation.
+
+    Raises:
+        FileNotFoundError: There are no frames.
+        OSError: The animation could not be written.
+    """
+    frames = sorted(Path(frames_dir).glob("frame.*.png"))
+    if not frames:
+        raise FileNotFoundError(f"{frames_dir}: no frames to make an animation of")
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        ffmpeg = get_ffmpeg_exe()
+    except (ImportError, RuntimeError):  # the package is not there, or not the program that it should bring
+        path = Path(out).with_suffix(".gif")
+        _write_gif(frames, path, fps)
+    else:
+        path = Path(out).with_suffix(".mp4")
+        _write_mp4(ffmpeg, frames, path, fps)
+    return path
+
+
+def _write_mp4(ffmpeg: str, frames: Sequence[Path], path: Path, fps: float) -> None:
+    """Let ffmpeg read the frames as a numbered sequence."""
+    unfinished = path.resolve().with_name(f".{path.name}")
+    first = frames[0].name.split(".")[1]
+    command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", str(fps), "-start_number", first]
+    # Players expect 4:2:0, which needs the even sizes that frames have, and the index at the front.
+    command += ["-i", "frame.%05d.png", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"]
+    command += ["-movflags", "+faststart", str(unfinished)]
+    done = subprocess.run(command, cwd=frames[0].parent, stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    if done.returncode != 0:
+        unfinished.unlink(missing_ok=True)
+        reason = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
+        raise OSError(f"{path}: ffmpeg could not make the animation: {reason[-1]}")
+    os.replace(unfinished, path)
+
+
+def _write_gif(frames: Sequence[Path], path: Path, fps: float) -> None:
+    """Write every few frames, smaller, in one palette for all, so that what stands still does not flicker."""
+    step = max(1, round(fps / GIF_RATE))
+    shown = frames[::step]
+
+    def small(frame: Path) -> Image.Image:
+        with Image.open(frame) as picture:
+            width = min(GIF_WIDTH, picture.width)
+            size = width, round(picture.height * width / picture.width)
+            return picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+
+    samples = [np.asarray(small(shown[index])) for index in (0, len(shown) // 2, -1)]
+    palette = Image.fromarray(np.concatenate(samples)).quantize(255)
+    pictures = (small(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in shown)
+    # A GIF counts in hundredths of a second: rounding each instant, not each step, keeps the whole in time.
+    instants = np.round(100.0 * step / fps * np.arange(len(shown) + 1))
+    durations = (10 * np.diff(instants)).astype(int).tolist()
+    unfinished = path.with_name(f".{path.name}")
+    next(pictures).save(unfinished, save_all=True, append_images=pictures, duration=durations, loop=0)
+    os.replace(unfinished, path)
+
+
+def contact_sheet(frames: Sequence[Path], labels: Sequence[str], out: Path) -> None:
+    """Put frames one below the other in one PNG, each under its label."""
+    pictures = [Image.open(frame).convert("RGB") for frame in frames]
+    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans:bold"), 20)
+    strip = 40  # height of a label [px]
+    size = max(picture.width for picture in pictures), sum(strip + picture.height for picture in pictures)
+    sheet = Image.new("RGB", size, "white")
+    pen, top = ImageDraw.Draw(sheet), 0
+    for picture, label in zip(pictures, labels, strict=True):
+        pen.rectangle((0, top, size[0], top + strip - 1), fill="#eef1f4")
+        pen.text((LEFT, top + strip // 2), label, font=font, fill=INK, anchor="lm")
+        sheet.paste(picture, (0, top + strip))
+        top += strip + picture.height
+    sheet.save(out, optimize=True)
+
+
+# -------------------------------------------------------------------------------------------------------------- records
+
+
+def read_record(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a record (a CSV file with one header line) by their heading, float64, shape [line_count].
+
+    A last line that was cut short is left out; an empty field is NaN.
+    """
+    with Path(path).open(newline="", encoding="utf-8") as file:
+        headings, *lines = csv.reader(file)
+    rows = [[float(field or "nan") for field in line] for line in lines if len(line) == len(headings)]
+    columns = np.array(rows, dtype=float).reshape(len(rows), len(headings)).T
+    return dict(zip(headings, columns, strict=True))
+
+
+def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float] | None:
+    """Time [s] and level [m] of the highest level since the release at t = 0; None when there is none."""
+    since = np.flatnonzero((time >= 0.0) & np.isfinite(level))
+    if len(since) == 0:
+        return None
+    top = since[np.argmax(level[since])]
+    return float(time[top]), float(level[top])
+
+
+def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO, still_level: float | None) -> None:
+    """Draw the records of all gauges in one panel, each with the amplitude of its crest.
+
+    Args:
+        csvs: Gauge records; a gauge is called by its file's name.
+        out: PNG to write.
+        still_level: Level of the water at rest, from which levels are counted [m]; None draws the levels themselves.
+    """
+    figure = Figure(figsize=(9.0, 4.2), dpi=150, layout="constrained")
+    axes = figure.add_subplot()
+    for path, color in zip(csvs, cycle(LINE_PALETTE), strict=False):
+        record = read_record(path)
+        time, level = record["time [s]"], record["level [m]"] - (still_level or 0.0)
+        axes.plot(time, level, color=color, linewidth=1.4, label=Path(path).stem)
+        crest = find_crest(time, level)
+        if crest is not None:
+            axes.plot(*crest, "o", color=color, markersize=6, markeredgecolor="white", markeredgewidth=0.8)
+            label = axes.annotate(f"{crest[1]:.3f} m", crest, xytext=(0, 8), textcoords="offset points", ha="center")
+            label.set(color=color, fontsize=10, fontweight="bold")
+    if still_level is not None:
+        axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+    axes.set(xlabel="time [s]", ylabel="level [m]" if still_level is None else "level − still level [m]")
+    axes.margins(x=0.0, y=0.14)
+    style_plot(axes)
+    axes.legend(frameon=False, loc="upper left", fontsize=10, labelcolor=INK)
+    figure.savefig(out, format="png")
+
+
+def style_plot(axes: Axes) -> None:
+    """The look of every plot of records: two spines, a light grid, quiet ticks."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(GREY)
+    axes.grid(color="#e4e7ea", linewidth=0.7)
+    axes.set_axisbelow(True)
+    _style_labels(axes)

@@ -1,0 +1,56 @@
+"""Progress: a bar with an ETA on a terminal, a line now and then elsewhere."""
+
+import sys
+import time
+from typing import TextIO
+
+
+class Progress:
+    """Tells how far a run has come.
+
+    Args:
+        start, end: Simulated time at which the run begins and ends [s].
+        particle_count: Fluid particles, for the rate.
+        stream: Where to tell it; a bar only if that is a terminal.
+    """
+
+    def __init__(self, start: float, end: float, particle_count: int, stream: TextIO = sys.stderr) -> None:
+        self._start, self._end, self._count, self._stream = start, end, particle_count, stream
+        self._began = self._told = time.perf_counter()
+        self._steps_before: int | None = None
+        self._is_terminal = stream.isatty()
+        self._told_share = 0.0
+
+    def update(self, simulated: float, steps: int) -> None:
+        """`steps` have been done and the simulated time is `simulated` [s]."""
+        now = time.perf_counter()
+        if self._steps_before is None:
+            self._steps_before = steps
+        share = (simulated - self._start) / (self._end - self._start)
+        is_due = now - self._told > 0.2 if self._is_terminal else share >= self._told_share + 0.1
+        if not is_due or share <= 0.0:
+            return
+        self._told, self._told_share = now, share
+        elapsed = now - self._began
+        rate = (steps - self._steps_before) * self._count / elapsed
+        text = (
+            f"t = {simulated:7.3f} s  {share:4.0%}  {rate / 1e6:5.2f} M particle-updates/s  "
+            f"{_clock(elapsed)} gone, {_clock(elapsed / share - elapsed)} to go"
+        )
+        if self._is_terminal:
+            filled = round(24 * share)
+            self._stream.write(f"\r[{'#' * filled}{'.' * (24 - filled)}] {text} ")
+        else:
+            self._stream.write(text + "\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Leave the line of the bar."""
+        if self._is_terminal and self._told_share:
+            self._stream.write("\n")
+
+
+def _clock(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"

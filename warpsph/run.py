@@ -1,0 +1,256 @@
+"""A run: from a scene to a run folder, with records, pictures, a cache and checkpoints written on the way."""
+
+import json
+import logging
+import math
+import platform
+import shutil
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+import warpsph
+from warpsph.checkpoint import read_checkpoint, write_checkpoint
+from warpsph.energy import Budget
+from warpsph.outputs import Outputs
+from warpsph.progress import Progress
+from warpsph.records import Record, find_crest, read_record
+from warpsph.scene import Scene
+from warpsph.simulation import BlowUpError, Simulation
+
+log = logging.getLogger("warpsph")
+
+DONE, STOPPED, BLEW_UP = "done", "stopped", "blew up"
+
+
+class FolderError(Exception):
+    """The run folder cannot be used; the text is one line for the user."""
+
+
+class Ticks:
+    """Times k / rate, k = 0, 1, ..., from `after` on."""
+
+    def __init__(self, rate: float, after: float) -> None:
+        self._rate = rate
+        self.index = max(0, math.ceil(after * rate - 1e-6))
+
+    @property
+    def next(self) -> float:
+        """The next time [s]."""
+        return self.index / self._rate
+
+    def take(self, time: float) -> bool:
+        """Whether a tick is due at `time` [s]; if so, go on to the next."""
+        is_due = time > self.next - 1e-9
+        self.index += is_due
+        return is_due
+
+
+class Run:
+    """One scene, one folder, one simulation; scenes/README.md describes the folder."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        folder: Path,
+        *,
+        device: str = "cpu",
+        threads: int | None = None,
+        overwrite: bool = False,
+        resume: bool = False,
+        began: float | None = None,
+    ) -> None:
+        """Set the scene up and open its folder. `began` is when the program started (time.perf_counter) [s].
+
+        Raises:
+            SceneError: the scene cannot be set up; nothing has been written.
+            FolderError: the folder holds another run.
+            CheckpointError: there is nothing to resume.
+            DeviceError: there is no such device.
+        """
+        self._began = time.perf_counter() if began is None else began
+        self.scene, self.folder = scene, folder
+        if not resume:
+            refuse_used_folder(folder, overwrite)
+        self.simulation = Simulation(scene, device, threads)
+        if resume:
+            read_checkpoint(folder / "checkpoints", self.simulation.state)
+            self.simulation.enter_phase()
+            self.simulation.step.renew_lists()
+        elif folder.exists():
+            shutil.rmtree(folder)
+        for name in ("gauges", "fluids", "checkpoints"):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+        (folder / "STOP").unlink(missing_ok=True)
+        (folder / "scene.yaml").write_text(scene.resolved_yaml(), encoding="utf-8")
+        handler = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
+        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+        log.addHandler(handler)
+
+        now = self.simulation.time
+        self._samples = Ticks(scene.output.samples_per_second, now)
+        self._frames = Ticks(scene.output.frames_per_second, now)
+        self._checkpoints = Ticks(1.0 / scene.output.checkpoint_every, now)
+        self._records = self._open_records(now if resume else None)
+        self._outputs = Outputs(scene, self.simulation, folder, self._frames.index if resume else None)
+
+    def _open_records(self, resume_at: float | None) -> dict[str, Record]:
+        unit = "[J/m]" if self.scene.dimensions == 2 else "[J]"
+        energies = ("kinetic", "potential", "internal", "dissipated", "wall work", "damped", "total")
+        motion = ("x [m]", "z [m]", "u [m/s]", "w [m/s]", "front [m]")
+        columns = {
+            "energy": [f"{name} {unit}" for name in energies],
+            **{f"gauges/{name}": ["level [m]"] for name in self.simulation.gauges.names},
+            **{f"fluids/{name}": motion for name in self.simulation.model.fluid_names},
+        }
+        return {name: Record(self.folder / f"{name}.csv", heading, resume_at) for name, heading in columns.items()}
+
+    def execute(self) -> dict[str, Any]:
+        """Run to the end, to a STOP file or to a blow-up. Returns what run.json holds."""
+        simulation, end = self.simulation, self.scene.run.end_time
+        first_step, outcome, why = simulation.step_count, DONE, ""
+        progress = Progress(simulation.time, end, simulation.model.particle_count)
+        count, now = simulation.model.particle_count, simulation.time
+        log.info("%s: %d particles, from t = %g s to %g s", self.scene.title, count, now, end)
+        for warning in simulation.placement.warnings:
+            log.warning("%s", warning)
+        started, first_step_after = time.perf_counter(), None
+        try:
+            self._emit()
+            while simulation.time < end:
+                simulation.advance(self._next_event())
+                if first_step_after is None:
+                    first_step_after = time.perf_counter() - self._began
+                if simulation.time in simulation.phase_changes():
+                    simulation.enter_phase()
+                self._emit()
+                progress.update(simulation.time, simulation.step_count)
+                if self._is_told_to_stop():
+                    outcome, why = STOPPED, f"at t = {simulation.time:g} s, by a STOP file or max_steps"
+                    break
+        except BlowUpError as error:
+            outcome, why = BLEW_UP, str(error)
+        except KeyboardInterrupt:
+            outcome, why = STOPPED, f"at t = {simulation.time:g} s, from the keyboard"
+        finally:
+            progress.close()
+            for record in self._records.values():
+                record.close()
+        seconds = time.perf_counter() - started
+        if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
+            write_checkpoint(self.folder / "checkpoints", simulation.state)
+        log.info("%s %s", outcome, why)
+        facts = self._facts(outcome, why)
+        facts["speed"] = {
+            "steps": simulation.step_count - first_step,
+            "seconds": round(seconds, 3),
+            "particle updates per second": round(
+                (simulation.step_count - first_step) * simulation.model.particle_count / seconds
+            ),
+            "list rebuilds": simulation.step.neighbours.rebuilds,
+            "seconds to the first step": first_step_after and round(first_step_after, 3),
+        }
+        self._outputs.finish()
+        facts["speed"]["seconds, all output included"] = round(time.perf_counter() - self._began, 3)
+        (self.folder / "run.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        self._outputs.report()
+        return facts
+
+    def _next_event(self) -> float:
+        now = self.simulation.time
+        ticks = (self._samples.next, self._frames.next, self._checkpoints.next)
+        changes = [change for change in self.simulation.phase_changes() if change > now]
+        return min(*ticks, *changes, self.scene.run.end_time)
+
+    def _emit(self) -> None:
+        """Write whatever is due now. A checkpoint comes first: it renews the lists, and so must a resumed run."""
+        simulation, now = self.simulation, self.simulation.time
+        if self._checkpoints.take(now):
+            simulation.step.renew_lists()
+            write_checkpoint(self.folder / "checkpoints", simulation.state)
+        if self._samples.take(now):
+            budget, motions = simulation.energy.measure()
+            self._records["energy"].write(now, [*budget.parts(), budget.total])
+            for name, level in zip(simulation.gauges.names, simulation.gauges.levels(), strict=True):
+                self._records[f"gauges/{name}"].write(now, [level])
+            for name, motion in zip(simulation.model.fluid_names, motions, strict=True):
+                (x, _, z), (u, _, w) = motion.center, motion.velocity
+                self._records[f"fluids/{name}"].write(now, [x, z, u, w, motion.front])
+        if self._frames.take(now):
+            self._outputs.write_frame()
+
+    def _is_told_to_stop(self) -> bool:
+        most = self.scene.run.max_steps
+        return (self.folder / "STOP").exists() or (most is not None and self.simulation.step_count >= most)
+
+    def _facts(self, outcome: str, why: str) -> dict[str, Any]:
+        """Provenance, counts, conservation and crests, as run.json holds them."""
+        simulation, scene = self.simulation, self.scene
+        model = simulation.model
+        device = simulation.launcher.device
+        return {
+            "title": scene.title,
+            "source": scene.source,
+            "outcome": outcome,
+            "why": why,
+            "time [s]": simulation.time,
+            "provenance": {
+                "warpsph": warpsph.__version__,
+                "warp": wp.config.version,
+                "python": platform.python_version(),
+                "machine": platform.platform(),
+                "device": device.name,
+                "threads": simulation.launcher.threads,
+                "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+            },
+            "counts": {
+                "particles": model.particle_count,
+                "wall points": len(simulation.placement.wall_position),
+                **{name: int(np.sum(model.initial_fluid == f)) for f, name in enumerate(model.fluid_names)},
+            },
+            "conservation": self._conservation(),
+            "gauges": self._crests(),
+            "warnings": list(simulation.placement.warnings),
+        }
+
+    def _conservation(self) -> dict[str, float]:
+        """Mass now over mass at the start, and how far the energy sum strayed, over the energy converted."""
+        _, motions = self.simulation.energy.measure()
+        model = self.simulation.model
+        placed = float(np.sum(model.parameters.mass.numpy()[model.initial_fluid], dtype=np.float64))
+        energy = read_record(self.folder / "energy.csv")
+        total, potential = (values for name, values in energy.items() if name.startswith(("total", "potential")))
+        facts = {"mass / mass placed": sum(motion.mass for motion in motions) / placed}
+        if len(total) > 1:
+            converted = float(np.ptp(potential))
+            facts["energy converted"] = converted
+            facts["energy drift / converted"] = float(np.abs(total - total[0]).max() / max(converted, 1e-30))
+        return facts
+
+    def _crests(self) -> dict[str, dict[str, float]]:
+        found = {}
+        for gauge in self.scene.gauges:
+            time, level = read_record(self.folder / "gauges" / f"{gauge.name}.csv").values()
+            if len(time):
+                amplitude, at = find_crest(time, level)
+                found[gauge.name] = {
+                    "x [m]": gauge.x,
+                    "still level [m]": float(level[0]),
+                    "crest amplitude [m]": amplitude,
+                    "crest time [s]": at,
+                }
+        return found
+
+
+def refuse_used_folder(folder: Path, overwrite: bool) -> None:
+    """Raise FolderError if `folder` holds a run that may not be overwritten, or anything that is no run."""
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not (folder / "scene.yaml").exists():
+        raise FolderError(f"{folder}: is there already and holds no run; choose another --out")
+    if not overwrite:
+        raise FolderError(f"{folder}: holds another run; give --overwrite to replace it, or another --out")

@@ -1,0 +1,138 @@
+"""A simulation in memory: model, state and step, with the phases of a scene and the watch over absurd particles."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warpsph.energy import Energy
+from warpsph.gauges import Gauges
+from warpsph.geometry import Placement, place
+from warpsph.kernels import integrators
+from warpsph.launch import Launcher
+from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
+from warpsph.neighbours import NEIGHBOUR_BYTES
+from warpsph.scene import Scene
+from warpsph.state import State
+from warpsph.step import Step
+
+_FAULTS = {
+    int(integrators.NOT_FINITE): "its position, velocity or density is not a finite number",
+    int(integrators.TOO_LIGHT): f"its density fell below {LEAST_COMPRESSION:g} of its material's",
+    int(integrators.TOO_DENSE): f"its density rose above {MOST_COMPRESSION:g} times its material's",
+    int(integrators.TOO_FAST): "it moves faster than sound in its material",
+    int(integrators.OUTSIDE): "it left the box around walls and fluid",
+}
+
+
+class BlowUpError(Exception):
+    """A particle became absurd; the text says which, where, when and how."""
+
+
+class Simulation:
+    """A scene that can be advanced in time."""
+
+    def __init__(
+        self, scene: Scene, device: str = "cpu", threads: int | None = None, placement: Placement | None = None
+    ) -> None:
+        """Place the particles and make everything ready for the first step.
+
+        Raises:
+            SceneError: the scene cannot be set up.
+            DeviceError: there is no such device.
+        """
+        self.scene = scene
+        self.placement = placement or place(scene)
+        self.launcher = Launcher(device, threads)
+        self.model = Model(scene, self.placement, self.launcher)
+        self.state = State(self.model)
+        self.step = Step(self.model, self.state)
+        self.gauges = Gauges(self.model, self.state, self.step.neighbours)
+        self.energy = Energy(self.model, self.state)
+        self.enter_phase()
+
+    @property
+    def time(self) -> float:
+        """[s]; negative during the warm-up."""
+        return float(self.state.time.numpy()[0])
+
+    @property
+    def step_count(self) -> int:
+        """Steps done."""
+        return int(self.state.step.numpy()[0])
+
+    def phase_changes(self) -> list[float]:
+        """Times at which `enter_phase` must be called [s]: the end of settling and the release."""
+        warm_up = self.scene.warm_up
+        return [self.scene.start_time + warm_up.settling_time, 0.0] if warm_up else []
+
+    def enter_phase(self) -> None:
+        """Set what depends on the phase: settling at the density of rest, warming up with damping, or released."""
+        warm_up, now = self.scene.warm_up, self.time
+        warming = warm_up is not None and now < 0.0
+        self.step.settling = warming and now < self.scene.start_time + warm_up.settling_time
+        self.state.damping.fill_(warm_up.damping if warming else 0.0)
+        held = [warming and fluid.hold for fluid in self.scene.fluids]
+        self.model.parameters.mobility.assign([0.0 if holding else 1.0 for holding in held])
+        if now == 0.0:
+            self.state.work.zero_()  # the energy budget begins at the release
+
+    def advance(self, time: float) -> None:
+        """Step until `time` [s], exactly.
+
+        Raises:
+            BlowUpError: a particle became absurd on the way.
+        """
+        self.step.aim_at(time)
+        while float(self.state.dt.numpy()[0]) > 0.0:
+            self.step()
+        fault = int(self.state.fault.numpy()[0])
+        if fault:
+            raise BlowUpError(self._describe(fault))
+
+    def _describe(self, fault: int) -> str:
+        s, slot = self.state, int(self.state.fault_slot.numpy()[0])
+        fluid = self.model.fluid_names[int(s.fluid.numpy()[slot])]
+        x, _, z = s.position.numpy()[slot]
+        u, _, w = s.velocity.numpy()[slot]
+        return (
+            f"particle {int(s.id.numpy()[slot])} of '{fluid}' at t = {self.time:.5f} s (step {self.step_count}): "
+            f"{_FAULTS[fault]}; x = {x:.4g} m, z = {z:.4g} m, u = {u:.4g} m/s, w = {w:.4g} m/s, "
+            f"density {float(s.density.numpy()[slot]):.5g} kg/m3"
+        )
+
+
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a scene will take, found without running it."""
+
+    particle_count: int
+    counts: dict[str, int]  # particles of each fluid
+    wall_count: int
+    memory: int  # of all arrays [bytes]
+    first_dt: float  # [s]
+    steps: int
+    warnings: tuple[str, ...]
+
+
+def forecast(scene: Scene, launcher: Launcher) -> Forecast:
+    """Place the particles and allocate their arrays, but compile and run nothing. Raises SceneError."""
+    placement = place(scene)
+    model = Model(scene, placement, launcher)
+    state = State(model)
+    arrays = [array for array in vars(state).values() if isinstance(array, wp.array)]
+    lists = model.particle_count * (4 * model.parameters.list_capacity + NEIGHBOUR_BYTES)
+    speed = float(np.linalg.norm(placement.velocity, axis=1).max())
+    first_dt = scene.run.courant * scene.smoothing_length / (float(model.parameters.sound_speed.numpy().max()) + speed)
+    return Forecast(
+        particle_count=model.particle_count,
+        counts={name: int(np.sum(placement.fluid == f)) for f, name in enumerate(model.fluid_names)},
+        wall_count=len(placement.wall_position),
+        memory=sum(array.capacity for array in arrays) + lists,
+        first_dt=first_dt,
+        steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),
+        warnings=placement.warnings,
+    )
