@@ -114,6 +114,38 @@ def test_normals_point_to_the_left_and_halve_a_corner():
         assert np.all(np.einsum("ij,ij->i", normals, points.mean(axis=0) - points) > 0)
 
 
+def set_back(wall: dict, body: dict, **model) -> np.ndarray:
+    """Wall points [n, 2] of a scene with that one wall and that box of fluid."""
+    scene = make([wall], [shaped({"box": body})], sound_speed=100.0, wall_model={"set_back": 0.9, **model})
+    return place(scene).wall_position[:, [0, 2]]
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_points_stand_behind_the_line_wherever_the_fluid_is(reverse):
+    corners = TANK["path"][::-1] if reverse else TANK["path"]
+    inside, outside = {"min": [1.0, 0.5], "max": [2.0, 1.0]}, {"min": [1.0, -1.0], "max": [2.0, -0.5]}
+    points = set_back(path(*corners), inside)
+    assert (points[:, 0].min(), points[:, 0].max(), points[:, 1].min()) == pytest.approx((-0.09, 3.09, -0.09))
+    np.testing.assert_allclose(points[np.argmin(points.sum(axis=1))], [-0.09, -0.09], atol=1e-12)  # legs meet anew
+    points = set_back(path(*corners), outside)
+    assert (points[:, 0].min(), points[:, 0].max(), points[:, 1].min()) == pytest.approx((0.09, 2.91, 0.09))
+
+
+def test_points_of_a_bend_stand_behind_it_too():
+    line = path([-1.0, 1.0], {"at": [0.0, 0.0], "radius": 0.5}, [2.0, 0.0])
+    points = set_back(line, {"min": [0.0, 1.0], "max": [1.0, 1.5]})
+    np.testing.assert_allclose(outline_of(line).distance(points), 0.09)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert 0.8 * 0.1 / 3 < steps.min() <= steps.max() <= 0.1 / 3 * (1 + 1e-9)
+
+
+def test_points_between_two_waters_stay_on_the_line():
+    wall = path([0.0, 0.0], [0.0, 2.0])
+    sides = [shaped({"box": {"min": [x, 0.5], "max": [x + 1, 1.0]}}) for x in (-1.5, 0.5)]
+    scene = make([wall], [sides[0] | {"name": "a"}, sides[1] | {"name": "b"}], sound_speed=100.0)
+    assert not place(scene).wall_position[:, 0].any()
+
+
 def test_distance_to_an_arc():
     leg = Bend(np.zeros(2), 1.0, 0.0, math.pi / 2)
     points = np.array([[2.0, 0.0], [0.5, 0.5], [0.0, -1.0], [-3.0, 1.0], [0.0, 0.0]])

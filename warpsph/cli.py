@@ -206,7 +206,7 @@ def _duration(seconds: float) -> str:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from warpsph.validation import CASES, print_table, run_case
+    from warpsph.validation import CASES, as_dicts, print_table, run_case
 
     unknown = [name for name in options.cases if name not in CASES]
     if unknown:
@@ -221,7 +221,7 @@ def _validate(options: argparse.Namespace) -> int:
         results += run_case(name, SCENES, options.out, device=options.device, threads=options.threads)
     print_table(results)
     if options.json:
-        options.json.write_text(json.dumps([result.as_dict() for result in results], indent=2) + "\n", encoding="utf-8")
+        options.json.write_text(json.dumps(as_dicts(results), indent=2) + "\n", encoding="utf-8")
     return OK if all(result.passed for result in results) else INVALID
 
 

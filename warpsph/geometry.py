@@ -217,10 +217,11 @@ class Placement:
         velocity: [m/s], shape [particle_count, 3].
         fluid: Index into `scene.fluids`, int32, shape [particle_count].
         initial_depth: Depth below the top of the own fluid [m], 0 where `hydrostatic` is off, [particle_count].
-        wall_position: Points of all walls [m], shape [wall_count, 3].
-        wall_normal: Unit normals of the walls, to the left of the way along them, shape [wall_count, 3].
+        wall_position: Points of all walls [m], set back from the lines as drawn, shape [wall_count, 3].
+        wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count, 3].
         wall_index: Index into `scene.walls`, int32, shape [wall_count].
         wall_length: Length of wall that each point stands for [m], shape [wall_count].
+        ground: Height of the lowest point of the walls as drawn, or of the fluid where there are no walls [m].
         warnings: What is doubtful, a line each.
     """
 
@@ -232,6 +233,7 @@ class Placement:
     wall_normal: Array
     wall_index: NDArray[np.int32]
     wall_length: Array
+    ground: float
     warnings: tuple[str, ...]
 
 
@@ -263,7 +265,11 @@ def place(scene: Scene) -> Placement:
 
     fluid_sites = np.concatenate(placed)
     set_back = scene.wall_model.set_back * scene.spacing
-    samples = [one.shifted(-set_back * _wet_side(one, fluid_sites)).sample(scene.wall_spacing) for one in outlines]
+    sides = [_wet_side(one, fluid_sites) for one in outlines]
+    samples = [
+        one.shifted(-set_back * side).sample(scene.wall_spacing) for one, side in zip(outlines, sides, strict=True)
+    ]
+    drawn = np.concatenate([one.sample(scene.wall_spacing)[0] for one in outlines]) if outlines else fluid_sites
     counts = [len(sites) for sites in placed]
     nowhere = np.empty((0, 2))  # a scene may have no walls
     placement = Placement(
@@ -272,12 +278,16 @@ def place(scene: Scene) -> Placement:
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         initial_depth=np.concatenate(depths),
         wall_position=_in_space(np.concatenate([nowhere, *(points for points, _, _ in samples)])),
-        wall_normal=_in_space(np.concatenate([nowhere, *(normals for _, normals, _ in samples)])),
+        wall_normal=_in_space(
+            np.concatenate([nowhere, *(n * side for (_, n, _), side in zip(samples, sides, strict=True))])
+        ),
         wall_index=np.repeat(np.arange(len(samples), dtype=np.int32), [len(points) for points, _, _ in samples]),
         wall_length=np.concatenate([np.empty(0), *(lengths for _, _, lengths in samples)]),
+        ground=float(drawn[:, 1].min()),
         warnings=(),
     )
-    return replace(placement, warnings=(*warnings, *_doubts(scene, placement), *check_sound_speed(scene, placement)))
+    warnings += _doubts(scene, placement, drawn) + _slow_sound(scene, drop_height(placement))
+    return replace(placement, warnings=tuple(warnings))
 
 
 def _wet_side(wall: Outline, sites: Array) -> int:
@@ -290,20 +300,29 @@ def _wet_side(wall: Outline, sites: Array) -> int:
     return 1 if share > 0.98 else -1 if share < 0.02 else 0
 
 
+def behind_walls(placement: Placement, position: Array) -> NDArray[np.bool_]:
+    """Whether each particle at `position` [m], shape [n, 3], has gone to the far side of its nearest wall point, [n]."""
+    behind = np.zeros(len(position), dtype=bool)
+    for first in range(0, len(position), 1000):
+        some = position[first : first + 1000]
+        nearest = np.argmin(((some[:, None] - placement.wall_position) ** 2).sum(axis=2), axis=1)
+        side = np.einsum("ij,ij->i", some - placement.wall_position[nearest], placement.wall_normal[nearest])
+        behind[first : first + 1000] = side < 0.0
+    return behind
+
+
 def drop_height(placement: Placement) -> float:
-    """From the highest particle down to the lowest wall point (or particle, in a scene without walls) [m]."""
-    ground = placement.wall_position if len(placement.wall_position) else placement.position
-    return float(max(placement.position[:, 2].max() - ground[:, 2].min(), 0.0))
+    """How far the highest particle can fall [m]."""
+    return max(float(placement.position[:, 2].max()) - placement.ground, 0.0)
 
 
-def check_sound_speed(scene: Scene, placement: Placement) -> list[str]:
-    """Warnings about every material whose speed of sound is low for the speed that a particle can fall to.
+def _slow_sound(scene: Scene, drop: float) -> list[str]:
+    """Warnings about every material whose speed of sound is low for a fall through `drop` [m].
 
     Density strays by about the square of the Mach number: 4 % at a fifth of the speed of sound, 1 % at a tenth.
     Raises SceneError below five times that speed, unless the scene allows "low_sound_speed".
     """
     warnings = []
-    drop = drop_height(placement)
     for name, material in scene.materials.items():
         starts = [math.hypot(*fluid.velocity) for fluid in scene.fluids if fluid.material == name]
         if not starts:
@@ -325,21 +344,21 @@ def check_sound_speed(scene: Scene, placement: Placement) -> list[str]:
     return warnings
 
 
-def _doubts(scene: Scene, placement: Placement) -> list[str]:
-    """Warnings about what can be run but was hardly meant."""
+def _doubts(scene: Scene, placement: Placement, drawn: Array) -> list[str]:
+    """Warnings about what can be run but was hardly meant; `drawn` are points on the wall lines [m], shape [n, 2]."""
     doubts = []
     if scene.warm_up is None:
         for i, fluid in enumerate(scene.fluids):
             if fluid.hold:
                 doubts.append(scene.error(f"fluids[{i}].hold", "there is no warm_up to hold it through"))
     if scene.walls:
-        falling = _without_ground(placement, scene.spacing)
+        falling = _without_ground(placement.position[:, [0, 2]], drawn, scene.spacing)
         for i in np.unique(placement.fluid[falling]):
             lost = np.flatnonzero(falling & (placement.fluid == i))
             x, _, z = placement.position[lost[0]]
             words = f"{len(lost)} particles have no wall below them, the first at x = {x:.4g} m, z = {z:.4g} m"
             doubts.append(scene.error(f"fluids[{i}]", words))
-        left, right = placement.wall_position[:, 0].min(), placement.wall_position[:, 0].max()
+        left, right = drawn[:, 0].min(), drawn[:, 0].max()
         for i, gauge in enumerate(scene.gauges):
             if not left <= gauge.x <= right:
                 words = f"{gauge.x:g} m lies beyond the walls, which reach from {left:g} to {right:g} m"
@@ -347,18 +366,17 @@ def _doubts(scene: Scene, placement: Placement) -> list[str]:
     return [str(doubt) for doubt in doubts]
 
 
-def _without_ground(placement: Placement, spacing: float) -> NDArray[np.bool_]:
-    """Whether no wall lies straight below a particle, to within one spacing, shape [particle_count]."""
-    wall = placement.wall_position
-    left = wall[:, 0].min()
-    column = np.floor((wall[:, 0] - left) / spacing).astype(np.int64)
+def _without_ground(sites: Array, drawn: Array, spacing: float) -> NDArray[np.bool_]:
+    """Whether no wall lies straight below each of `sites` [n, 2], to within one spacing, shape [n]."""
+    left = drawn[:, 0].min()
+    column = np.floor((drawn[:, 0] - left) / spacing).astype(np.int64)
     # One empty column more at either side, so that both neighbours of every column exist.
     lowest = np.full(column.max() + 3, np.inf)
-    np.minimum.at(lowest, column + 1, wall[:, 2])
+    np.minimum.at(lowest, column + 1, drawn[:, 1])
     around = np.min([lowest[:-2], lowest[1:-1], lowest[2:]], axis=0)
-    place = np.floor((placement.position[:, 0] - left) / spacing).astype(np.int64)
+    place = np.floor((sites[:, 0] - left) / spacing).astype(np.int64)
     beyond = (place < 0) | (place >= len(around))
-    return beyond | (placement.position[:, 2] < around[np.clip(place, 0, len(around) - 1)])
+    return beyond | (sites[:, 1] < around[np.clip(place, 0, len(around) - 1)])
 
 
 def _in_space(plane: Array) -> Array:

@@ -39,6 +39,9 @@ WIDTH = 1280  # of a frame [px]
 NARROWEST = 640  # frame that still has room for its title and legend [px]
 TALLEST_PLOT = 720  # a window that would be taller at full width makes a narrower plot [px]
 LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
+# Discs one spacing wide leave gaps. Where a spacing is less than this [px], the gaps would only make moiré patterns, and
+# discs are drawn just wide enough to close them.
+SMALLEST_DISC = 5.0
 GIF_WIDTH = 800  # [px]
 GIF_RATE = 15.0  # pictures per second of an animated GIF, about [1/s]
 
@@ -71,8 +74,8 @@ def window_around(points: np.ndarray, spacing: float) -> Window:
 class FrameWriter:
     """Draws a PNG of the particles for each frame.
 
-    Axes, legend and labels are drawn once; a frame restores them and adds particles: discs one spacing wide in their
-    material's colour, the lighter the faster.
+    Axes, legend and labels are drawn once; a frame restores them and adds the particles, as discs one spacing wide in
+    their material's colour, the lighter the faster.
 
     Args:
         folder: Where frame.00000.png ... go; made when absent.
@@ -102,22 +105,24 @@ class FrameWriter:
         self._figure, axes, legend = _lay_out(window, fluid_count=len(fluids))
         self._canvas = FigureCanvasAgg(self._figure)
         _draw_legend(legend, list(fluids), self._shades, speed_scale)
+        pixels = spacing * axes.bbox.width / (window[0][1] - window[0][0])
+        diameter = spacing if pixels >= SMALLEST_DISC else 2.0**0.5 * spacing
         self._particles = EllipseCollection(
-            widths=spacing,
-            heights=spacing,
+            widths=diameter,
+            heights=diameter,
             angles=0.0,
             units="xy",
             offsets=np.empty((0, 2)),
             offset_transform=axes.transData,
             linewidths=0.0,
-            snap=False,  # Agg would move small discs to whole pixels
         )
         self._walls = LineCollection(list(walls.values()), colors=INK, linewidths=1.5, capstyle="round")
         axes.add_collection(self._particles, autolim=False)
         axes.add_collection(self._walls, autolim=False)
-        left, top = axes.get_window_extent().x0, self._figure.bbox.height
-        self._figure.text(left, top - 32, title, fontsize=13, fontweight="bold", color=INK, transform=None)
-        self._time = self._figure.text(left, top - 58, "", fontsize=12, color=INK, transform=None)
+        left, (width, height) = axes.bbox.x0, self._figure.bbox.size
+        heading = self._figure.text(left, height - 32, title, fontsize=13, fontweight="bold", color=INK, transform=None)
+        heading.set_fontsize(13 * min(1.0, (width - left - RIGHT) / heading.get_window_extent().width))
+        self._time = self._figure.text(left, axes.bbox.y1 + 14, "", fontsize=13, color=INK, transform=None)
 
         self._moving = (self._particles, self._walls, self._time)
         for artist in self._moving:
@@ -158,7 +163,7 @@ def _lay_out(window: Window, fluid_count: int) -> tuple[Figure, Axes, Axes]:
     scale = min((WIDTH - LEFT - RIGHT) / (x_high - x_low), TALLEST_PLOT / (z_high - z_low))  # [px/m]
     plot = scale * (x_high - x_low), scale * (z_high - z_low)
     legend = 220, 17 * fluid_count
-    top = max(78, legend[1] + 46)
+    top = legend[1] + 72
     # Video needs even numbers of pixels.
     width = 2 * round(max(plot[0] + LEFT + RIGHT, NARROWEST) / 2)
     height = 2 * round((plot[1] + BOTTOM + top) / 2)
@@ -174,7 +179,7 @@ def _lay_out(window: Window, fluid_count: int) -> tuple[Figure, Axes, Axes]:
     axes.yaxis.set_major_locator(MaxNLocator(max(2, int(plot[1] / 45)), steps=[1, 2, 5, 10]))
     axes.spines[:].set_color(GREY)
     _style_labels(axes)
-    return figure, axes, add_axes(width - RIGHT - legend[0], height - legend[1] - 14, legend)
+    return figure, axes, add_axes(left + plot[0] - legend[0], height - legend[1] - 42, legend)
 
 
 def _draw_legend(axes: Axes, names: Sequence[str], shades: np.ndarray, speed_scale: float) -> None:
@@ -318,8 +323,7 @@ def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO, still_level: float
         out: PNG to write.
         still_level: Level of the water at rest, from which levels are counted [m]; None draws the levels themselves.
     """
-    figure = Figure(figsize=(9.0, 4.2), dpi=150, layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = new_plots(1)
     for path, color in zip(csvs, cycle(LINE_PALETTE), strict=False):
         record = read_record(path)
         time, level = record["time [s]"], record["level [m]"] - (still_level or 0.0)
@@ -333,15 +337,21 @@ def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO, still_level: float
         axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
     axes.set(xlabel="time [s]", ylabel="level [m]" if still_level is None else "level − still level [m]")
     axes.margins(x=0.0, y=0.14)
-    style_plot(axes)
+    # Of the warm-up, only its end: a still line tells nothing more.
+    axes.set_xlim(left=max(axes.get_xlim()[0], -0.05 * axes.get_xlim()[1]))
     axes.legend(frameon=False, loc="upper left", fontsize=10, labelcolor=INK)
     figure.savefig(out, format="png")
 
 
-def style_plot(axes: Axes) -> None:
-    """The look of every plot of records: two spines, a light grid, quiet ticks."""
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.spines[["left", "bottom"]].set_color(GREY)
-    axes.grid(color="#e4e7ea", linewidth=0.7)
-    axes.set_axisbelow(True)
-    _style_labels(axes)
+def new_plots(count: int) -> tuple[Figure, Sequence[Axes]]:
+    """A figure of plots side by side in the style of all plots of records: two spines, a light grid, quiet ticks."""
+    figure = Figure(figsize=(9.0, 4.2), dpi=150)
+    figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
+    plots = np.atleast_1d(figure.subplots(1, count))
+    for axes in plots:
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.spines[["left", "bottom"]].set_color(GREY)
+        axes.grid(color="#e4e7ea", linewidth=0.7)
+        axes.set_axisbelow(True)
+        _style_labels(axes)
+    return figure, plots

@@ -1,0 +1,52 @@
+"""The landslide: crest amplitude, celerity, energy sum and leaks (Vasco 2014, 7.2.5.3; Souza 2007)."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from warpsph.geometry import behind_walls
+from warpsph.records import find_crest, read_record
+from warpsph.run import Run
+from warpsph.validation.result import Result, against, at_most
+
+DATA = Path(__file__).parent / "data" / "landslide.csv"
+SOURCE = "Souza (2007) in Vasco (2014) 7.2.5.3"
+
+
+def measure_landslide(run: Run) -> list[Result]:
+    """Bars: the thesis's own errors on the amplitude, 3 % on the celerity, 1 % on the energy sum, no leak."""
+    scene, simulation = run.scene, run.simulation
+    near, far = scene.gauges[-2:]
+    depth = next(fluid.fill.level for fluid in scene.fluids if fluid.fill)
+    crests = []
+    for gauge in (near, far):
+        crests.append(find_crest(*read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()))
+    (first, passed_near), (amplitude, passed_far) = crests
+    celerity = (far.x - near.x) / (passed_far - passed_near)
+    expected = math.sqrt(scene.gravity * (depth + 0.5 * (first + amplitude)))
+
+    energy = read_record(run.folder / "energy.csv")
+    total, potential = (values for name, values in energy.items() if name.startswith(("total", "potential")))
+    drift = float(np.abs(total - total[0]).max() / np.ptp(potential))
+    position = simulation.state.snapshot().position
+    return [
+        _amplitude(depth, amplitude),
+        against("celerity of the crest", "m/s", celerity, expected, 0.03, "sqrt(g (d + a))"),
+        at_most("drift of the energy sum over converted", "", drift, 0.01, "conservation"),
+        at_most("particles behind a wall", "", int(behind_walls(simulation.placement, position).sum()), 0, "no leak"),
+    ]
+
+
+def _amplitude(depth: float, measured: float) -> Result:
+    with DATA.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    row = next(row for row in rows if math.isclose(float(row["depth [m]"]), depth))
+    quantity = f"crest amplitude, d = {depth:g} m"
+    if row["amplitude [m]"]:
+        thesis, bar = float(row["thesis error"]), float(row["bar"])
+        return against(quantity, "m", measured, float(row["amplitude [m]"]), bar, SOURCE, thesis)
+    low, high = float(row["lowest [m]"]), float(row["highest [m]"])
+    source = f"between {low:g} and {high:g} m: {SOURCE}"
+    return Result(quantity, "m", measured, None, passed=low <= measured <= high, source=source)

@@ -1,0 +1,39 @@
+"""Still water: hydrostatic pressure, the balance of forces, and how still it stays (Vasco 2014, 7.2.5, fig 36)."""
+
+import math
+
+import numpy as np
+
+from warpsph.geometry import behind_walls
+from warpsph.records import read_record
+from warpsph.run import Run
+from warpsph.validation.result import Result, against, at_most
+
+SOURCE = "Vasco (2014) fig 36"
+
+
+def measure_still_water(run: Run) -> list[Result]:
+    """Bars: pressure at the bottom 1 %, its gradient against g 2 %, speed 1e-3 sqrt(g H), level dx / 10."""
+    scene, simulation = run.scene, run.simulation
+    depth, g, h = scene.fluids[0].fill.level, scene.gravity, scene.smoothing_length
+    state, order = simulation.state, np.argsort(simulation.state.id.numpy())
+    snapshot = state.snapshot()
+    x, z = snapshot.position[:, 0], snapshot.position[:, 2]
+    left, right = simulation.placement.wall_position[[0, -1], 0]
+    # Where no kernel reaches a wall or the surface.
+    away = (x > left + 4 * h) & (x < right - 4 * h) & (z > 2 * h) & (z < depth - 2 * h)
+    slope, bottom = np.polyfit(z[away], snapshot.pressure[away], 1)
+    by_pressure = state.pressure_acceleration.numpy()[order][away, 2]
+    rest = scene.materials[scene.fluids[0].material].density
+    level = read_record(run.folder / "gauges" / f"{scene.gauges[0].name}.csv")["level [m]"]
+    speed = np.linalg.norm(snapshot.velocity, axis=1).max()
+    behind = int(behind_walls(simulation.placement, snapshot.position).sum())
+    return [
+        against("pressure at the bottom", "Pa", bottom, rest * g * depth, 0.01, SOURCE),
+        against("pressure gradient", "Pa/m", -slope, rest * g, 0.01, SOURCE),
+        against("acceleration by pressure, mean", "m/s2", by_pressure.mean(), g, 0.02, SOURCE),
+        at_most("its largest error, over g", "", float(np.abs(by_pressure - g).max() / g), 0.02, SOURCE),
+        at_most("largest speed over sqrt(g H)", "", float(speed / math.sqrt(g * depth)), 1e-3, "at rest"),
+        at_most("drift of the level over dx", "", float(np.abs(level - level[0]).max() / scene.spacing), 0.1, "at rest"),
+        at_most("particles behind a wall", "", behind, 0, "no leak"),
+    ]
