@@ -5,7 +5,6 @@ Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and witho
 
 from __future__ import annotations
 
-import csv
 import os
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -23,6 +22,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image, ImageDraw, ImageFont
 
+from warpsph.records import find_crest, read_record
+
 if TYPE_CHECKING:
     from warpsph.state import Snapshot
 
@@ -39,7 +40,7 @@ WIDTH = 1280  # of a frame [px]
 NARROWEST = 640  # frame that still has room for its title and legend [px]
 TALLEST_PLOT = 720  # a window that would be taller at full width makes a narrower plot [px]
 LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
-# Discs one spacing wide leave gaps. Where a spacing is less than this [px], the gaps would only make moiré patterns, and
+# Discs one spacing wide leave gaps. Where a spacing is less than this [px], gaps would only make moiré patterns, and
 # discs are drawn just wide enough to close them.
 SMALLEST_DISC = 5.0
 GIF_WIDTH = 800  # [px]
@@ -136,7 +137,7 @@ class FrameWriter:
         shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
         self._particles.set_offsets(snapshot.position[:, ::2])
         self._particles.set_facecolor(self._shades[snapshot.fluid, shade])
-        self._time.set_text(f"t = {snapshot.time:.3f} s")
+        self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
         self._canvas.restore_region(self._background)
         for artist in self._moving:
             self._figure.draw_artist(artist)
@@ -294,51 +295,28 @@ def contact_sheet(frames: Sequence[Path], labels: Sequence[str], out: Path) -> N
 # -------------------------------------------------------------------------------------------------------------- records
 
 
-def read_record(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a record (a CSV file with one header line) by their heading, float64, shape [line_count].
-
-    A last line that was cut short is left out; an empty field is NaN.
-    """
-    with Path(path).open(newline="", encoding="utf-8") as file:
-        headings, *lines = csv.reader(file)
-    rows = [[float(field or "nan") for field in line] for line in lines if len(line) == len(headings)]
-    columns = np.array(rows, dtype=float).reshape(len(rows), len(headings)).T
-    return dict(zip(headings, columns, strict=True))
-
-
-def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float] | None:
-    """Time [s] and level [m] of the highest level since the release at t = 0; None when there is none."""
-    since = np.flatnonzero((time >= 0.0) & np.isfinite(level))
-    if len(since) == 0:
-        return None
-    top = since[np.argmax(level[since])]
-    return float(time[top]), float(level[top])
-
-
-def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO, still_level: float | None) -> None:
+def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO) -> None:
     """Draw the records of all gauges in one panel, each with the amplitude of its crest.
 
     Args:
-        csvs: Gauge records; a gauge is called by its file's name.
+        csvs: Gauge records; a gauge is called by its file's name, and its first level is that of the water at rest.
         out: PNG to write.
-        still_level: Level of the water at rest, from which levels are counted [m]; None draws the levels themselves.
     """
     figure, (axes,) = new_plots(1)
     for path, color in zip(csvs, cycle(LINE_PALETTE), strict=False):
-        record = read_record(path)
-        time, level = record["time [s]"], record["level [m]"] - (still_level or 0.0)
-        axes.plot(time, level, color=color, linewidth=1.4, label=Path(path).stem)
-        crest = find_crest(time, level)
-        if crest is not None:
+        time, level = read_record(path).values()
+        if len(time) == 0:
+            continue
+        axes.plot(time, level - level[0], color=color, linewidth=1.4, label=path.stem)
+        amplitude, crest_time = find_crest(time, level)
+        if amplitude > 0.0:
+            crest = crest_time, amplitude
             axes.plot(*crest, "o", color=color, markersize=6, markeredgecolor="white", markeredgewidth=0.8)
-            label = axes.annotate(f"{crest[1]:.3f} m", crest, xytext=(0, 8), textcoords="offset points", ha="center")
+            label = axes.annotate(f"{amplitude:.3f} m", crest, xytext=(0, 8), textcoords="offset points", ha="center")
             label.set(color=color, fontsize=10, fontweight="bold")
-    if still_level is not None:
-        axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-    axes.set(xlabel="time [s]", ylabel="level [m]" if still_level is None else "level − still level [m]")
+    axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+    axes.set(xlabel="time [s]", ylabel="level − still level [m]")
     axes.margins(x=0.0, y=0.14)
-    # Of the warm-up, only its end: a still line tells nothing more.
-    axes.set_xlim(left=max(axes.get_xlim()[0], -0.05 * axes.get_xlim()[1]))
     axes.legend(frameon=False, loc="upper left", fontsize=10, labelcolor=INK)
     figure.savefig(out, format="png")
 

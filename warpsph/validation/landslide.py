@@ -28,7 +28,7 @@ def measure_landslide(run: Run) -> list[Result]:
     expected = math.sqrt(scene.gravity * (depth + 0.5 * (first + amplitude)))
 
     energy = read_record(run.folder / "energy.csv")
-    total, potential = (values for name, values in energy.items() if name.startswith(("total", "potential")))
+    total, potential = (energy[name] for start in ("total", "potential") for name in energy if name.startswith(start))
     drift = float(np.abs(total - total[0]).max() / np.ptp(potential))
     position = simulation.state.snapshot().position
     return [
