@@ -205,8 +205,18 @@ def test_a_cache_is_continued_at_a_frame(cache_copy):
         cache.write(spinning_blob(frame))
     assert check_cache(cache_copy) == []
     assert len(list((cache_copy / "frames").iterdir())) == 4
-    with pytest.raises(FileNotFoundError, match=r"fluid\.00004\.usdc: the cache cannot be continued"):
+    with pytest.raises(FileNotFoundError, match=r"cannot be continued without this frame: .*fluid\.00004\.usdc"):
         open_cache(cache_copy, resume_at=5)
+
+
+def test_a_frame_that_cannot_be_written_is_an_error_of_the_machine(cache_copy):
+    cache = open_cache(cache_copy, resume_at=5)
+    shutil.rmtree(cache_copy / "frames")
+    (cache_copy / "frames").write_text("in the way")
+    with pytest.raises(OSError, match="could not be written") as failed:
+        cache.write(spinning_blob(5))
+    assert failed.value.filename == str(cache_copy / "frames/fluid.00005.usdc")
+    assert cache.frame_count == 5
 
 
 WRITE_UNTIL_KILLED = """

@@ -6,7 +6,6 @@
 import argparse
 import json
 import logging
-import math
 import sys
 import time
 from collections.abc import Sequence
@@ -164,7 +163,7 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         f"{facts['title']}: {facts['outcome']} at t = {facts['time [s]']:g} s",
         f"  particles       {facts['counts']['particles']:,} and {facts['counts']['wall points']:,} wall points",
         f"  steps           {speed['steps']:,}, {speed['particle updates per second'] / 1e6:.2f} M particle-updates/s",
-        f"  first step      {speed['seconds to the first step'] or math.nan:.1f} s after the start",
+        f"  first steps     {speed['seconds to the first steps']:.1f} s after the start",
         f"  whole run       {speed['seconds, all output included']:.1f} s, all output included",
         f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
     ]

@@ -1,8 +1,11 @@
 """Launching: the one place that knows how a kernel is spread over cores or handed to a GPU."""
 
 import os
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
 import warp as wp
@@ -19,6 +22,24 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+@contextmanager
+def _native_messages_silenced() -> Iterator[None]:
+    """Turn the standard error off meanwhile, below Python.
+
+    On a machine without a GPU Warp's native code reports the missing driver there on every start. That is no news to
+    who runs on the CPU, and who asks for a GPU gets a DeviceError instead.
+    """
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
 class Launcher:
     """Records kernel launches on one device and replays them.
 
@@ -33,11 +54,11 @@ class Launcher:
         Raises:
             DeviceError: there is no such device.
         """
-        # Quiet before wp.init: the log of a run belongs to the run.
         wp.config.log_level = wp.LOG_WARNING
-        wp.init()
         try:
-            self.device = wp.get_device(device)
+            with _native_messages_silenced():
+                wp.init()
+                self.device = wp.get_device(device)
         except (RuntimeError, ValueError) as error:
             names = ", ".join(d.alias for d in wp.get_devices())
             raise DeviceError(f"no device named '{device}' here; Warp finds: {names}") from error
@@ -54,7 +75,7 @@ class Launcher:
         edges = [count * part // parts for part in range(parts + 1)]
         commands = [
             wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments], device=self.device, record_cmd=True).launch
-            for begin, end in zip(edges[:-1], edges[1:], strict=True)
+            for begin, end in pairwise(edges)
         ]
         if len(commands) == 1:
             return commands[0]

@@ -5,6 +5,7 @@ Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and witho
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -224,7 +225,7 @@ def animate(frames_dir: Path, out: Path, fps: float) -> Path:
     """
     frames = sorted(Path(frames_dir).glob("frame.*.png"))
     if not frames:
-        raise FileNotFoundError(f"{frames_dir}: no frames to make an animation of")
+        raise FileNotFoundError(errno.ENOENT, "no frames to make an animation of", str(frames_dir))
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
@@ -250,7 +251,7 @@ def _write_mp4(ffmpeg: str, frames: Sequence[Path], path: Path, fps: float) -> N
     if done.returncode != 0:
         unfinished.unlink(missing_ok=True)
         reason = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
-        raise OSError(f"{path}: ffmpeg could not make the animation: {reason[-1]}")
+        raise OSError(errno.EIO, f"ffmpeg could not make the animation: {reason[-1]}", str(path))
     os.replace(unfinished, path)
 
 

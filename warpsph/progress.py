@@ -11,21 +11,20 @@ class Progress:
     Args:
         start, end: Simulated time at which the run begins and ends [s].
         particle_count: Fluid particles, for the rate.
+        steps: Steps done before.
         stream: Where to tell it; a bar only if that is a terminal.
     """
 
-    def __init__(self, start: float, end: float, particle_count: int, stream: TextIO = sys.stderr) -> None:
+    def __init__(self, start: float, end: float, particle_count: int, steps: int, stream: TextIO = sys.stderr) -> None:
         self._start, self._end, self._count, self._stream = start, end, particle_count, stream
         self._began = self._told = time.perf_counter()
-        self._steps_before: int | None = None
+        self._steps_before = steps
         self._is_terminal = stream.isatty()
         self._told_share = 0.0
 
     def update(self, simulated: float, steps: int) -> None:
         """`steps` have been done and the simulated time is `simulated` [s]."""
         now = time.perf_counter()
-        if self._steps_before is None:
-            self._steps_before = steps
         share = (simulated - self._start) / (self._end - self._start)
         is_due = now - self._told > 0.2 if self._is_terminal else share >= self._told_share + 0.1
         if not is_due or share <= 0.0:

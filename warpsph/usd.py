@@ -11,6 +11,7 @@ opens and holds all the frames that were finished.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -46,12 +47,11 @@ def _publish(layer: Sdf.Layer, path: Path) -> None:
     """Write a layer beside its place, then rename it: neither a reader nor a kill ever meets half a file."""
     partial = path.with_name(f".{path.name}")
     try:
-        written = layer.Export(str(partial))
+        reason = "" if layer.Export(str(partial)) else "no reason given"
     except Tf.ErrorException as error:
         reason = "; ".join(part.commentary for part in error.args)
-        raise OSError(f"{path}: could not be written: {reason}") from error
-    if not written:
-        raise OSError(f"{path}: could not be written")
+    if reason:
+        raise OSError(errno.EIO, f"could not be written: {reason}", str(path))
     os.replace(partial, path)
 
 
@@ -141,7 +141,7 @@ class UsdCache:
         if resume_at is not None:
             self._require_frames()
         elif not overwrite and (self.root.exists() or any(frames.glob("fluid.*.usdc"))):
-            raise FileExistsError(f"{self.folder}: holds the USD cache of an earlier run")
+            raise FileExistsError(errno.EEXIST, "holds the USD cache of an earlier run", str(self.folder))
         frames.mkdir(parents=True, exist_ok=True)
         self._root_layer = self._make_root_layer()
         # The root forgets the stale frames before they go, so that it never names a file that is not there.
@@ -292,4 +292,5 @@ class UsdCache:
     def _require_frames(self) -> None:
         for frame in range(self.frame_count):
             if not self._frame_path(frame).exists():
-                raise FileNotFoundError(f"{self._frame_path(frame)}: the cache cannot be continued without this frame")
+                text = "the cache cannot be continued without this frame"
+                raise FileNotFoundError(errno.ENOENT, text, str(self._frame_path(frame)))

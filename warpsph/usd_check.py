@@ -157,15 +157,18 @@ def _motion_problems(before: Arrays, after: Arrays, dt: float, diameter: float) 
     """The same particles in the same order, moving with their velocities.
 
     A particle whose velocity goes from v to v' without turning back between two frames lands within |v' - v| dt / 2 of
-    x + (v + v') dt / 2. Half a diameter on top allows for what turns back (sound) and for a position that is moved
-    with its neighbours' velocity as well (XSPH); one particle in a hundred may be anything, such as spray on a wall.
+    x + (v + v') dt / 2. Half a diameter and a tenth of the way on top allow for what turns back (sound, an impact) and
+    for a position that is moved with its neighbours' velocities (XSPH). In a landslide that runs into water, one
+    particle in two hundred of the slide still goes farther in the frame of the impact: one in twenty may.
     """
     if not np.array_equal(before["ids"], after["ids"]):
         yield "ids differ from the frame before"
         return
     moved = after["points"].astype(np.float64) - before["points"]
-    expected = 0.5 * dt * (before["velocities"].astype(np.float64) + after["velocities"])
-    allowed = 0.5 * dt * np.linalg.norm(after["velocities"] - before["velocities"], axis=1) + 0.5 * diameter
-    astray = np.linalg.norm(moved - expected, axis=1) > allowed
-    if astray.mean() > 0.01:
+    velocity, next_velocity = (arrays["velocities"].astype(np.float64) for arrays in (before, after))
+    error = np.linalg.norm(moved - 0.5 * dt * (velocity + next_velocity), axis=1)
+    turned = np.linalg.norm(next_velocity - velocity, axis=1)
+    speeds = np.linalg.norm(velocity, axis=1) + np.linalg.norm(next_velocity, axis=1)
+    astray = error > 0.5 * dt * turned + 0.5 * diameter + 0.1 * 0.5 * dt * speeds
+    if astray.mean() > 0.05:
         yield f"{astray.sum()} of {len(astray)} particles are not where their velocities take them"

@@ -1,0 +1,198 @@
+"""What the tests of kernels share: a cloud of particles, and NumPy's own view of its pairs."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpsph.kernels.density import density_rate_kernel
+from warpsph.kernels.momentum import acceleration_kernel
+from warpsph.kernels.parameters import Parameters
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.launch import Launcher
+
+# Two fluids, as unlike as water and rock.
+REST_DENSITY = np.array([1000.0, 2530.0])  # [kg/m3]
+SOUND_SPEED = np.array([20.0, 30.0])  # [m/s]
+ALPHA = np.array([0.05, 0.2])
+
+
+class Cloud:
+    """Particles in the x-z plane with all that a pair loop reads, and each pair [i, j] of them in double precision.
+
+    Attributes:
+        x, u: Position [m] and velocity [m/s], shape [n, 3], as rounded for the kernels.
+        rho, p: Density [kg/m3] and pressure [Pa], shape [n].
+        m, V: Mass [kg/m] and volume [m2], shape [n].
+        fluid: Index into the fluids, shape [n].
+        h: Smoothing length [m].
+    """
+
+    def __init__(
+        self,
+        device: str,
+        x: np.ndarray,
+        *,
+        u: np.ndarray | float = 0.0,
+        rho: np.ndarray | None = None,
+        p: np.ndarray | float = 0.0,
+        fluid: np.ndarray | int = 0,
+        spacing: float = 0.1,
+        ratio: float = 1.5,
+        smoothing: str = "wendland_c2",
+        by_column: bool = False,
+        **numbers: float | Sequence[float],
+    ) -> None:
+        """`numbers` replace fields of Parameters; `by_column` lays the neighbour list out as on a GPU."""
+        n = len(x)
+        self.launcher = Launcher(device, threads=1)
+        self.smoothing, self.h = smoothing, ratio * spacing
+        self.x = np.asarray(x, np.float32).astype(float)
+        self.u = np.broadcast_to(np.asarray(u, np.float32), (n, 3)).astype(float)
+        self.fluid = np.broadcast_to(np.asarray(fluid, np.int32), n)
+        self.m = (REST_DENSITY * spacing**2).astype(np.float32)[self.fluid].astype(float)
+        self.rho = REST_DENSITY[self.fluid] if rho is None else np.asarray(rho, float)
+        self.V = (self.m / self.rho).astype(np.float32).astype(float)
+        self.rho = self.m / self.V
+        self.p = np.broadcast_to(np.asarray(p, np.float32), n).astype(float)
+        self.c, self.alpha = SOUND_SPEED[self.fluid], ALPHA[self.fluid]
+        self.parameters = self._parameters(spacing, by_column, numbers)
+
+        # Every other particle is on the list: what lies beyond the support must add nothing.
+        others = np.broadcast_to(np.arange(n), (n, n))[~np.eye(n, dtype=bool)].reshape(n, n - 1)
+        self.position_volume = self.array(np.column_stack([self.x, self.V]), wp.vec4)
+        self.velocity_pressure = self.array(np.column_stack([self.u, self.p]), wp.vec4)
+        self.fluids = self.array(self.fluid, int)
+        self.neighbour_count = self.array(np.full(n, n - 1), int)
+        self.neighbour_list = self.array((others.T if by_column else others).ravel(), int)
+
+    def _parameters(self, spacing: float, by_column: bool, numbers: dict) -> Parameters:
+        n, kernel = len(self.x), SMOOTHING[self.smoothing]
+        p = Parameters()
+        p.smoothing_length, p.inverse_h = self.h, 1.0 / self.h
+        p.kernel_norm = kernel.normalisation[2] / self.h**2
+        p.gradient_norm = p.kernel_norm / self.h**2
+        p.inverse_shape_dx = kernel.normalisation[2] / WEIGHT[self.smoothing](spacing / self.h)
+        p.list_radius = 1.15 * kernel.support * self.h
+        p.list_capacity = n - 1
+        p.row_stride, p.column_stride = (1, n) if by_column else (n - 1, 1)
+        p.gravity = wp.vec3(0.0, 0.0, -9.81)
+        fields = {
+            "mass": REST_DENSITY * spacing**2,
+            "rest_density": REST_DENSITY,
+            "sound_speed": SOUND_SPEED,
+            "stiffening": [1.0, 1.0],
+            "alpha": ALPHA,
+            "wall_alpha": [0.0, 0.0],
+            "mobility": [1.0, 1.0],
+            "still_level": [-math.inf, -math.inf],
+        }
+        for name, value in (fields | numbers).items():
+            setattr(p, name, value if np.ndim(value) == 0 else self.array(value, float))
+        return p
+
+    def array(self, values: np.ndarray, dtype: type) -> wp.array:
+        """`values` on the device of the cloud."""
+        return wp.array(np.asarray(values), dtype=dtype, device=self.launcher.device)
+
+    def run(self, kernel: wp.Kernel, inputs: Sequence[object], outputs: Sequence[type]) -> list[np.ndarray]:
+        """What `kernel` writes into arrays of the types `outputs`, one entry for each particle, as float64."""
+        written = [wp.zeros(len(self.x), dtype=dtype, device=self.launcher.device) for dtype in outputs]
+        self.launcher.run(kernel, len(self.x), [self.parameters, *inputs, *written])
+        return [array.numpy().astype(float) for array in written]
+
+    def acceleration(self, viscosity: str = "signal", tensile_correction: bool = False) -> list[np.ndarray]:
+        """By pressure and by dissipation [m/s2], each of shape [n, 3]."""
+        inputs = [self.position_volume, self.velocity_pressure, self.fluids, self.neighbour_count, self.neighbour_list]
+        return self.run(
+            acceleration_kernel(self.smoothing, viscosity, tensile_correction), inputs, [wp.vec3, wp.vec3]
+        )
+
+    def density_rate(self, diffusion: str = "none") -> list[np.ndarray]:
+        """The rate [kg/m3/s] [n], the part of it that is diffusion [n], and the XSPH velocity [m/s] [n, 3]."""
+        inputs = [self.position_volume, self.velocity_pressure, self.fluids, self.neighbour_count, self.neighbour_list]
+        return self.run(density_rate_kernel(self.smoothing, diffusion), inputs, [float, float, wp.vec3])
+
+    @cached_property
+    def x_ij(self) -> np.ndarray:
+        """[m], shape [n, n, 3]."""
+        return self.x[:, None] - self.x[None]
+
+    @cached_property
+    def u_ij(self) -> np.ndarray:
+        """[m/s], shape [n, n, 3]."""
+        return self.u[:, None] - self.u[None]
+
+    @cached_property
+    def r(self) -> np.ndarray:
+        """Distance of each pair [m], shape [n, n]; from a particle to itself it is beyond all reach."""
+        r = np.linalg.norm(self.x_ij, axis=2)
+        np.fill_diagonal(r, 1e9)
+        return r
+
+    @cached_property
+    def W(self) -> np.ndarray:
+        """W_ij [1/m2], shape [n, n], by the formulas of Vasco (2014), their constants put right."""
+        return WEIGHT[self.smoothing](self.r / self.h) / self.h**2
+
+    @cached_property
+    def grad_W(self) -> np.ndarray:
+        """grad_i W_ij [1/m3], shape [n, n, 3]: the derivative of `W` by central differences."""
+        step = 1e-5
+        weight, q = WEIGHT[self.smoothing], self.r / self.h
+        derivative = (weight(q + step) - weight(np.abs(q - step))) / (2 * step) / self.h**3
+        return (derivative / self.r)[:, :, None] * self.x_ij
+
+    def W_at(self, r: float) -> float:
+        """W at the distance `r` [m]."""
+        return float(WEIGHT[self.smoothing](r / self.h)) / self.h**2
+
+
+# n w(q), so that W = WEIGHT(r / h) / h^2 in the plane.
+WEIGHT = {
+    "wendland_c2": lambda q: np.where(q < 2, 7 / (4 * math.pi) * (1 - q / 2) ** 4 * (1 + 2 * q), 0.0),
+    "cubic_spline": lambda q: (
+        np.select([q < 1, q < 2], [2 / 3 - q**2 + q**3 / 2, (2 - q) ** 3 / 6], 0.0) * 15 / (7 * math.pi)
+    ),
+    "gaussian": lambda q: np.where(q < 3, np.exp(-(q**2)) / (math.pi * (1 - math.exp(-9))), 0.0),
+}
+
+
+def square_lattice(columns: int, rows: int, spacing: float = 0.1) -> np.ndarray:
+    """Points of the x-z plane [m], shape [columns * rows, 3]; of an odd lattice the middle one is the origin."""
+    x, z = np.meshgrid(np.arange(columns) - (columns - 1) / 2, np.arange(rows) - (rows - 1) / 2)
+    return spacing * np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1)
+
+
+@pytest.fixture
+def lattice() -> Callable[..., np.ndarray]:
+    """A function of columns, rows and spacing [m] that gives a square lattice about the origin [m], shape [n, 3]."""
+    return square_lattice
+
+
+@pytest.fixture
+def make_cloud(device) -> Callable[..., Cloud]:
+    """A function that makes a `Cloud` on the device of the test."""
+    return lambda x, **fields: Cloud(device, x, **fields)
+
+
+@pytest.fixture
+def mixture(make_cloud) -> Callable[..., Cloud]:
+    """A function that makes a disordered cloud of both fluids, in tension here and in compression there."""
+
+    def make(**fields) -> Cloud:
+        random = np.random.default_rng(1)
+        x = square_lattice(17, 17) + 0.02 * random.uniform(-1, 1, (289, 3)) * [1, 0, 1]
+        fluid = (x[:, 0] + 0.5 * x[:, 2] > 0.0).astype(np.int32)
+        given = {
+            "u": random.normal(size=(289, 3)) * [1, 0, 1],
+            "rho": REST_DENSITY[fluid] * random.uniform(0.98, 1.02, 289),
+            "p": random.uniform(-2000.0, 4000.0, 289),
+            "fluid": fluid,
+        }
+        return make_cloud(x, **(given | fields))
+
+    return make

@@ -1,0 +1,168 @@
+"""Continuity, its diffusion and XSPH: against NumPy's sum over all pairs, and by what they must leave alone."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpsph.kernels.density import DENSITY_DIFFUSION, rest_density
+from warpsph.kernels.smoothing import SMOOTHING
+
+# Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
+TOLERANCE = 1e-5
+GRAVITY = 9.81
+
+
+def assert_same(found: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
+
+
+def shake(x: np.ndarray) -> np.ndarray:
+    """`x` with every point moved at random by up to a fifth of the lattice's 0.1 m."""
+    return x + 0.02 * np.random.default_rng(3).uniform(-1, 1, x.shape) * [1, 0, 1]
+
+
+# ------------------------------------------------------------------------------------------------------- continuity
+
+
+@pytest.mark.parametrize("smoothing", SMOOTHING)
+def test_continuity_is_eq_43(mixture, smoothing):
+    """d rho_i/dt = rho_i sum_j m_j / rho_j u_ij . grad_i W_ij."""
+    cloud = mixture(smoothing=smoothing)
+    rate, diffusion, _ = cloud.density_rate()
+    expected = cloud.rho * np.einsum("j,ijk,ijk->i", cloud.m / cloud.rho, cloud.u_ij, cloud.grad_W)
+    assert_same(rate, expected)
+    assert not diffusion.any()
+
+
+def test_linear_velocity_dilutes(make_cloud, lattice):
+    """u = (k x, 0, 0): d rho/dt = -k rho inside a lattice, whose own error at h = 1.5 dx is 0.3 %."""
+    x, k = lattice(9, 9), 2.0
+    rate, _, _ = make_cloud(x, u=k * x * [1, 0, 0]).density_rate()
+    assert rate[len(x) // 2] == pytest.approx(-k * 1000.0, rel=0.004)
+
+
+def test_rigid_motion_changes_no_density(make_cloud, lattice):
+    x = shake(lattice(9, 9))
+    still = np.zeros(len(x))
+    spin = 3.0 * np.stack([-x[:, 2], still, x[:, 0]], axis=1)
+    dilution, _, _ = make_cloud(x, u=3.0 * x).density_rate()
+    for u in (np.full((len(x), 3), [5.0, 0.0, -2.0]), spin):
+        rate, _, _ = make_cloud(x, u=u).density_rate()
+        assert np.abs(rate).max() < TOLERANCE * np.abs(dilution).max()
+
+
+def test_kinetic_and_internal_energy_are_exchanged_without_loss(mixture):
+    """sum m u . a by pressure + sum m p / rho^2 d rho/dt = 0: eq 43 is the partner of eq 38."""
+    cloud = mixture()
+    by_pressure, _ = cloud.acceleration()
+    rate, _, _ = cloud.density_rate()
+    kinetic = cloud.m * np.einsum("ik,ik->i", cloud.u, by_pressure)
+    internal = cloud.m * cloud.p / cloud.rho**2 * rate
+    assert abs(kinetic.sum() + internal.sum()) < TOLERANCE * np.abs(internal).sum()
+
+
+# -------------------------------------------------------------------------------------------------------- diffusion
+
+
+@pytest.mark.parametrize("model", ["molteni_colagrossi", "fourtakas"])
+def test_diffusion_is_its_formula(mixture, model):
+    """2 delta h / c sum_j V_j psi_ij (x_ji . grad_i W_ij) / r_ij^2 within a fluid, on top of continuity."""
+    cloud = mixture(diffusion=0.1)
+    rate, diffusion, _ = cloud.density_rate(model)
+    psi = cloud.p - cloud.p[:, None]
+    if model == "fourtakas":
+        psi -= 1000.0 * np.array([1.0, 2.53])[cloud.fluid] * GRAVITY * cloud.x_ij[:, :, 2]
+    psi *= cloud.fluid == cloud.fluid[:, None]
+    slope = -np.einsum("ijk,ijk->ij", cloud.x_ij, cloud.grad_W) / cloud.r**2
+    expected = 2 * 0.1 * cloud.h / cloud.c * ((cloud.V * psi * slope).sum(axis=1))
+    assert_same(diffusion, expected)
+    continuity, _, _ = cloud.density_rate()
+    assert_same(rate, continuity + expected)
+
+
+@pytest.mark.parametrize("model", DENSITY_DIFFUSION)
+def test_diffusion_conserves(mixture, model):
+    """The sum of V_i d rho_i/dt over each fluid is zero."""
+    cloud = mixture(diffusion=0.1)
+    _, diffusion, _ = cloud.density_rate(model)
+    for fluid in (0, 1):
+        gained = (cloud.V * diffusion)[cloud.fluid == fluid]
+        assert abs(gained.sum()) <= TOLERANCE * np.abs(gained).sum()
+
+
+@pytest.mark.parametrize("model", ["molteni_colagrossi", "fourtakas"])
+def test_diffusion_smooths_a_checkerboard(make_cloud, lattice, model):
+    """Where every other particle is pressed and the rest are in tension, each moves towards its neighbours."""
+    x = lattice(9, 9)
+    sign = 1.0 - 2.0 * (np.arange(len(x)) % 2)
+    # The square lattice is a bipartite board: an odd number of columns makes the index alternate along both axes.
+    _, diffusion, _ = make_cloud(x, p=1000.0 * sign, diffusion=0.1, gravity=wp.vec3()).density_rate(model)
+    assert np.all(diffusion * sign < 0.0)
+
+
+def test_diffusion_of_fourtakas_leaves_rest_alone(make_cloud, lattice):
+    """Hydrostatic pressure, at the free surface and at any disorder; the older form does not."""
+    x = shake(lattice(9, 9))
+    cloud = make_cloud(x, p=1000.0 * GRAVITY * (1.0 - x[:, 2]), diffusion=0.1)
+    _, older, _ = cloud.density_rate("molteni_colagrossi")
+    _, diffusion, _ = cloud.density_rate("fourtakas")
+    assert np.abs(diffusion).max() < TOLERANCE * np.abs(older).max()
+
+
+# ------------------------------------------------------------------------------------------------------------- XSPH
+
+
+@pytest.mark.parametrize("smoothing", SMOOTHING)
+def test_xsph_is_eq_40_with_its_sign_put_right(mixture, smoothing):
+    """du_i = epsilon sum_j m_j / rhobar_ij (u_j - u_i) W_ij."""
+    cloud = mixture(smoothing=smoothing, xsph=0.5)
+    _, _, correction = cloud.density_rate()
+    mean_density = 0.5 * (cloud.rho[:, None] + cloud.rho)
+    expected = -0.5 * np.einsum("ij,ijk->ik", cloud.m / mean_density * cloud.W, cloud.u_ij)
+    assert_same(correction, expected)
+
+
+def test_xsph_draws_towards_the_neighbours(make_cloud, lattice):
+    """One fast particle among resting ones is slowed and the others are drawn along, at no change of momentum."""
+    x = lattice(5, 5)
+    middle = len(x) // 2
+    u = np.zeros_like(x)
+    u[middle, 0] = 1.0
+    cloud = make_cloud(x, u=u, xsph=0.5)
+    _, _, correction = cloud.density_rate()
+    assert -1.0 < correction[middle, 0] < 0.0
+    assert np.all(np.delete(correction[:, 0], middle)[np.delete(cloud.r[middle], middle) < 1.9 * cloud.h] > 0.0)
+
+
+def test_xsph_conserves_momentum(mixture):
+    cloud = mixture(xsph=0.5)
+    _, _, correction = cloud.density_rate()
+    momentum = cloud.m[:, None] * correction
+    assert np.all(np.abs(momentum.sum(axis=0)) < TOLERANCE * np.abs(momentum).sum(axis=0).max())
+
+
+def test_xsph_does_not_move_a_held_fluid(mixture):
+    cloud = mixture(xsph=0.5, mobility=[1.0, 0.0])
+    _, _, correction = cloud.density_rate()
+    assert not correction[cloud.fluid == 1].any()
+    assert correction[cloud.fluid == 0].any()
+
+
+# ------------------------------------------------------------------------------------------------- density of rest
+
+
+def test_density_of_rest_carries_the_weight(make_cloud, lattice):
+    """p = rho0 g depth by each fluid's state equation; nothing above the level, nothing for what has no level."""
+    x = lattice(3, 9)
+    fluid = (np.arange(len(x)) % 2).astype(np.int32)
+    cloud = make_cloud(x, fluid=fluid, still_level=[0.25, -np.inf])
+    position = cloud.array(cloud.x, wp.vec3d)
+    density, rate = cloud.array(np.full(len(x), 1.0), wp.float64), cloud.array(np.full(len(x), 1.0), float)
+    cloud.launcher.run(rest_density, len(x), [cloud.parameters, position, cloud.fluids, density, rate])
+    rests = fluid == 0
+    compression = density.numpy()[rests] / 1000.0 - 1.0
+    pressure = 1000.0 * 20.0**2 / 7.0 * ((1.0 + compression) ** 7 - 1.0)  # Vasco (2014) eq 56
+    expected = 1000.0 * GRAVITY * np.maximum(0.25 - cloud.x[rests, 2], 0.0)
+    assert_same(pressure, expected)
+    assert not rate.numpy()[rests].any()
+    assert np.all(density.numpy()[~rests] == 1.0) and np.all(rate.numpy()[~rests] == 1.0)
