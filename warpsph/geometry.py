@@ -82,7 +82,7 @@ def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
 
 
 def _shape_sites(scene: Scene, path: str, fluid: Fluid, outlines: Sequence[Outline]) -> tuple[Array, Array, list[str]]:
-    """Sites of a shape [n, 2] [m], the vertical depth of each below the edge above it [n] [m], and warnings."""
+    """Sites of a shape [n, 2] [m], the column of its own that presses on each [n] [m], and warnings."""
     shape, dx = fluid.shape, scene.spacing
     edge = closed_outline(shape)
     border = edge.polygon()
@@ -108,14 +108,27 @@ def _shape_sites(scene: Scene, path: str, fluid: Fluid, outlines: Sequence[Outli
         raise scene.error(path, f"{words}, the first at x = {x:.4g} m, z = {z:.4g} m")
 
     warnings = []
-    area = _area(border)
+    area = _shape_area(scene, fluid)
     excess = len(sites) * dx**2 / area - 1.0 if area else 0.0
-    if len(sites) and abs(excess) > 0.01:
-        words = f"{len(sites)} particles stand for {abs(excess):.1%} {'more' if excess > 0 else 'less'} than its area"
-        warnings.append(str(scene.error(path, f"{words} of {area:.4g} m2")))
+    if len(sites) and abs(excess) > 0.05:
+        words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {'more' if excess > 0 else 'less'} than its area"
+        warnings.append(str(scene.error(path, f"{words} of {area:.4g} m2; particles are made as much lighter or heavier")))
+    roof = _roof(border, sites)
     # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
-    depth = (_roof(border, sites) - sites[:, 1]) * math.cos(math.radians(angle)) ** 2
+    depth = (roof - sites[:, 1]) * math.cos(math.radians(angle)) ** 2
+    density = scene.materials[fluid.material].density
+    for other in scene.fluids:
+        if other.fill:
+            # Below the water line the water's weight comes on top.
+            depth += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
     return sites, depth, warnings
+
+
+def _shape_area(scene: Scene, fluid: Fluid) -> float:
+    """Area of a fluid's shape [m2]."""
+    if fluid.shape.disc:
+        return math.pi * fluid.shape.disc.radius**2
+    return _area(closed_outline(fluid.shape).polygon())
 
 
 def _area(polygon: Array) -> float:
@@ -216,7 +229,10 @@ class Placement:
         position: Fluid particles [m], shape [particle_count, 3].
         velocity: [m/s], shape [particle_count, 3].
         fluid: Index into `scene.fluids`, int32, shape [particle_count].
-        initial_depth: Depth below the top of the own fluid [m], 0 where `hydrostatic` is off, [particle_count].
+        initial_depth: Column of the own fluid that weighs what presses on a particle at rest [m], 0 where `hydrostatic`
+            is off, [particle_count].
+        volume: Of one particle of each fluid at its reference density [m2 in 2-D], shape [fluid_count]: a cell of the
+            lattice in a fill, and in a shape its area shared out, so that the mass is that of the drawing.
         wall_position: Points of all walls [m], set back from the lines as drawn, shape [wall_count, 3].
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count, 3].
         wall_index: Index into `scene.walls`, int32, shape [wall_count].
@@ -229,6 +245,7 @@ class Placement:
     velocity: Array
     fluid: NDArray[np.int32]
     initial_depth: Array
+    volume: Array
     wall_position: Array
     wall_normal: Array
     wall_index: NDArray[np.int32]
@@ -248,6 +265,7 @@ def place(scene: Scene) -> Placement:
     warnings: list[str] = []
     placed: list[Array] = []
     depths: list[Array] = []
+    volumes: list[float] = []
     for i, fluid in enumerate(scene.fluids):
         path = f"fluids[{i}].{'shape' if fluid.shape else 'fill'}"
         sites, depth, doubts = (
@@ -261,6 +279,7 @@ def place(scene: Scene) -> Placement:
             raise scene.error(path, f"{taken}, at a spacing of {scene.spacing:g} m")
         placed.append(sites[free])
         depths.append(depth[free] * fluid.hydrostatic)
+        volumes.append(_shape_area(scene, fluid) / len(sites) if fluid.shape else scene.spacing**2)
         warnings += doubts
 
     fluid_sites = np.concatenate(placed)
@@ -277,6 +296,7 @@ def place(scene: Scene) -> Placement:
         velocity=_in_space(np.repeat([fluid.velocity for fluid in scene.fluids], counts, axis=0)),
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         initial_depth=np.concatenate(depths),
+        volume=np.array(volumes),
         wall_position=_in_space(np.concatenate([nowhere, *(points for points, _, _ in samples)])),
         wall_normal=_in_space(
             np.concatenate([nowhere, *(n * side for (_, n, _), side in zip(samples, sides, strict=True))])

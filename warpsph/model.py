@@ -81,7 +81,7 @@ class Model:
         def table(values: list[float]) -> wp.array:
             return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
 
-        p.mass = table([material.density * dx**dimensions for material in materials])
+        p.mass = table([material.density * volume for material, volume in zip(materials, placement.volume, strict=True)])
         p.rest_density = table([material.density for material in materials])
         p.sound_speed = table([material.sound_speed for material in materials])
         p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])

@@ -38,14 +38,20 @@ def read_record(path: Path) -> dict[str, np.ndarray]:
 
 
 def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float]:
-    """Amplitude of the highest crest above the first level [m], and when it passes [s], by a parabola through its top.
+    """Amplitude of the highest crest above the first level [m], and when it passes [s].
 
-    `time` [s] and `level` [m] are a gauge's record, shape [sample_count].
+    `time` [s] and `level` [m] are a gauge's record, shape [sample_count]. The crest is that of the parabola that fits
+    the samples around the highest best, as far as the level stays above 90 % of its rise: single particles that ride
+    on the surface make the record rough by a fraction of a spacing, and its highest sample one of the roughest.
     """
-    k = int(np.argmax(level))
-    if not 0 < k < len(level) - 1:
-        return float(level[k] - level[0]), float(time[k])
-    a, b, c = level[k - 1 : k + 2]
-    bend = a - 2.0 * b + c
-    offset = 0.5 * (a - c) / bend if bend else 0.0
-    return float(b - 0.25 * (a - c) * offset - level[0]), float(time[k] + offset * (time[k + 1] - time[k]))
+    top = int(np.argmax(level))
+    low = np.flatnonzero(level < level[0] + 0.9 * (level[top] - level[0]))
+    first = low[low < top].max(initial=-1) + 1
+    last = low[low > top].min(initial=len(level)) - 1
+    if last - first < 4 or not 0 < top < len(level) - 1:
+        return float(level[top] - level[0]), float(time[top])
+    # Counted from the highest sample, which keeps the fit well conditioned.
+    a, b, c = np.polyfit(time[first : last + 1] - time[top], level[first : last + 1], 2)
+    if a >= 0.0:
+        return float(level[top] - level[0]), float(time[top])
+    return float(c - b * b / (4.0 * a) - level[0]), float(time[top] - b / (2.0 * a))

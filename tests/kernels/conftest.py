@@ -44,7 +44,7 @@ class Cloud:
         ratio: float = 1.5,
         smoothing: str = "wendland_c2",
         by_column: bool = False,
-        **numbers: float | Sequence[float],
+        **numbers: float | wp.vec3 | list[float],
     ) -> None:
         """`numbers` replace fields of Parameters; `by_column` lays the neighbour list out as on a GPU."""
         n = len(x)
@@ -91,7 +91,7 @@ class Cloud:
             "still_level": [-math.inf, -math.inf],
         }
         for name, value in (fields | numbers).items():
-            setattr(p, name, value if np.ndim(value) == 0 else self.array(value, float))
+            setattr(p, name, self.array(value, float) if isinstance(value, list | np.ndarray) else value)
         return p
 
     def array(self, values: np.ndarray, dtype: type) -> wp.array:
@@ -107,9 +107,7 @@ class Cloud:
     def acceleration(self, viscosity: str = "signal", tensile_correction: bool = False) -> list[np.ndarray]:
         """By pressure and by dissipation [m/s2], each of shape [n, 3]."""
         inputs = [self.position_volume, self.velocity_pressure, self.fluids, self.neighbour_count, self.neighbour_list]
-        return self.run(
-            acceleration_kernel(self.smoothing, viscosity, tensile_correction), inputs, [wp.vec3, wp.vec3]
-        )
+        return self.run(acceleration_kernel(self.smoothing, viscosity, tensile_correction), inputs, [wp.vec3, wp.vec3])
 
     def density_rate(self, diffusion: str = "none") -> list[np.ndarray]:
         """The rate [kg/m3/s] [n], the part of it that is diffusion [n], and the XSPH velocity [m/s] [n, 3]."""

@@ -68,7 +68,7 @@ def test_pairs_are_antisymmetric(mixture, viscosity):
 
 
 def test_linear_pressure_carries_the_weight(make_cloud, lattice):
-    """p = rho g depth pushes up with g inside a lattice; its own error at h = 1.5 dx, in sum V x (x) grad W, is 0.3 %."""
+    """p = rho g depth pushes up with g inside a lattice, whose own error at h = 1.5 dx, in sum V x grad W, is 0.3 %."""
     x = lattice(9, 9)
     by_pressure, _ = make_cloud(x, p=1000.0 * 9.81 * (1.0 - x[:, 2])).acceleration()
     np.testing.assert_allclose(by_pressure[len(x) // 2], [0.0, 0.0, 9.81], rtol=0, atol=0.004 * 9.81)

@@ -1,6 +1,7 @@
 """Smoothing kernels: their integrals, slopes and supports."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def evaluate(device):
 def gauss(knots: list[float]) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of a quadrature, exact for polynomials of degree 63 between `knots`."""
     node, weight = np.polynomial.legendre.leggauss(32)
-    pieces = [((b - a) / 2 * node + (a + b) / 2, (b - a) / 2 * weight) for a, b in zip(knots, knots[1:], strict=False)]
+    pieces = [((b - a) / 2 * node + (a + b) / 2, (b - a) / 2 * weight) for a, b in pairwise(knots)]
     return np.concatenate([q for q, _ in pieces]), np.concatenate([w for _, w in pieces])
 
 

@@ -1,4 +1,4 @@
-"""Artificial viscosity: the formulas of the thesis, on the right pairs, with the shear viscosity that they amount to."""
+"""Artificial viscosity: the formulas of the thesis, on the right pairs, and the shear viscosity they amount to."""
 
 import math
 

@@ -1,0 +1,76 @@
+"""Every kernel compiles for CUDA, on a machine that need not have a GPU."""
+
+import importlib
+import pkgutil
+import sys
+from collections.abc import Callable, Iterator
+from itertools import product
+
+import pytest
+import warp as wp
+
+import warpsph.kernels
+from warpsph.kernels.density import DENSITY_DIFFUSION, density_rate_kernel
+from warpsph.kernels.gauges import volume_fraction_kernel
+from warpsph.kernels.momentum import acceleration_kernel
+from warpsph.kernels.neighbours import gather_kernel
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.viscosity import VISCOSITY
+from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
+
+ARCHITECTURES = (80, 90)  # A100 and H100
+MODULES = [
+    importlib.import_module(f"warpsph.kernels.{found.name}") for found in pkgutil.iter_modules(warpsph.kernels.__path__)
+]
+# Functions and structs are compiled with the kernels that use them.
+WITH_KERNELS = [module.__name__ for module in MODULES if wp.get_module(module.__name__).kernels]
+
+# Each factory with all that it can be asked for.
+FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
+    acceleration_kernel: list(product(SMOOTHING, VISCOSITY, (True, False))),
+    density_rate_kernel: list(product(SMOOTHING, DENSITY_DIFFUSION)),
+    wall_acceleration_kernel: list(product(WALL_FORCE, SMOOTHING)),
+    volume_fraction_kernel: [(name,) for name in SMOOTHING],
+    gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
+}
+
+pytestmark = pytest.mark.skipif(sys.platform == "darwin", reason="Warp for macOS comes without a CUDA compiler")
+
+
+def factories() -> Iterator[Callable[..., wp.Kernel]]:
+    """Every function of the package that makes kernels."""
+    for module in MODULES:
+        yield from (value for key, value in vars(module).items() if key.endswith("_kernel"))
+
+
+def compiled(module: object, folder) -> dict[int, str]:
+    """The PTX of a module for each architecture."""
+    paths = wp.compile_aot_module(module, arch=list(ARCHITECTURES), use_ptx=True, module_dir=folder)
+    return {arch: path.read_text() for arch, path in zip(ARCHITECTURES, paths, strict=True)}
+
+
+def assert_holds(ptx: dict[int, str], kernel: wp.Kernel) -> None:
+    for arch, text in ptx.items():
+        assert f".target sm_{arch}" in text
+        assert any(".entry" in line and f"{kernel.key}_" in line for line in text.splitlines()), kernel.key
+
+
+def test_every_factory_is_known():
+    assert set(factories()) == set(FACTORIES)
+
+
+@pytest.mark.parametrize("name", WITH_KERNELS)
+def test_kernels_of_a_module(tmp_path, name):
+    ptx = compiled(name, tmp_path)
+    for kernel in wp.get_module(name).kernels.values():
+        assert_holds(ptx, kernel)
+
+
+@pytest.mark.parametrize(
+    ("factory", "formulas"),
+    [(factory, choice) for factory, choices in FACTORIES.items() for choice in choices],
+    ids=lambda value: "-".join(map(str, value)) if isinstance(value, tuple) else value.__name__,
+)
+def test_kernels_of_a_factory(tmp_path, factory, formulas):
+    kernel = factory(*formulas)
+    assert_holds(compiled(kernel.module, tmp_path), kernel)

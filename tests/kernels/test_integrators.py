@@ -1,0 +1,327 @@
+"""Verlet's two halves against eq 76-80, the limits of the step, the clock, and what counts as absurd."""
+
+import math
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpsph.kernels import integrators
+
+# Velocities, accelerations and steps are in single precision.
+TOLERANCE = 1e-6
+
+SPACING, RATIO = 0.1, 1.5
+H = RATIO * SPACING
+SOUND_SPEED = 20.0  # of the first fluid of a cloud [m/s]
+BOX = {"lower": wp.vec3(-50.0, -1.0, -50.0), "upper": wp.vec3(50.0, 1.0, math.inf)}
+SAFE = {"courant": 0.5, "least_compression": 0.5, "most_compression": 2.0, "gravity": wp.vec3(), "alpha": [0.0, 0.0]}
+
+DRIFT = {
+    "velocity": wp.vec3,
+    "xsph_velocity": wp.vec3,
+    "acceleration": wp.vec3,
+    "density_rate": float,
+    "fluid": int,
+    "position": wp.vec3d,
+    "density": wp.float64,
+    "position_volume": wp.vec4,
+    "velocity_pressure": wp.vec4,
+}
+KICK = {
+    "pressure_acceleration": wp.vec3,
+    "dissipative_acceleration": wp.vec3,
+    "wall_acceleration": wp.vec3,
+    "wall_distance": float,
+    "xsph_velocity": wp.vec3,
+    "density": wp.float64,
+    "fluid": int,
+    "listed_position": wp.vec3,
+    "position": wp.vec3d,
+    "velocity": wp.vec3,
+    "work": wp.vec3d,
+    "position_volume": wp.vec4,
+    "velocity_pressure": wp.vec4,
+    "acceleration": wp.vec3,
+    "dt_limit": float,
+    "moved": float,
+    "speed": float,
+    "fault": int,
+}
+FINISH = {
+    "density_rate": float,
+    "diffusion_rate": float,
+    "position_volume": wp.vec4,
+    "velocity_pressure": wp.vec4,
+    "fluid": int,
+    "density": wp.float64,
+    "work": wp.vec3d,
+}
+
+
+@pytest.fixture
+def launch(make_cloud):
+    """A function that launches `kernel` over `count` particles and gives every array that it was handed, float64.
+
+    `types` names the arrays in the kernel's order; those of `values` that are left out are zero, at rest and far away.
+    """
+
+    def run(kernel, types, count=1, dt=0.01, damping=None, numbers=None, **values) -> dict[str, np.ndarray]:
+        cloud = make_cloud(np.zeros((count, 3)), spacing=SPACING, ratio=RATIO, **(BOX | SAFE | (numbers or {})))
+        values = {"density": 1000.0, "wall_distance": 1e9} | values
+        arrays = {}
+        for name, dtype in types.items():
+            size = getattr(dtype, "_length_", 1)
+            shape = (count, size) if size > 1 else (count,)
+            arrays[name] = cloud.array(np.broadcast_to(np.asarray(values.get(name, 0.0), float), shape), dtype)
+        scalars = [cloud.array([value], float) for value in (dt, damping) if value is not None]
+        cloud.launcher.run(kernel, count, [cloud.parameters, *scalars, *arrays.values()])
+        return {name: array.numpy().astype(float) for name, array in arrays.items()}
+
+    return run
+
+
+def kick(launch, **fields) -> dict[str, np.ndarray]:
+    return launch(integrators.kick_and_drift, KICK, **({"damping": 0.0} | fields))
+
+
+# ------------------------------------------------------------------------------------------------------- one step
+
+
+def test_first_half_is_eq_76_and_77(launch):
+    given = {
+        "position": [[8.0, 0.0, 1.0], [-3.0, 0.0, 2.0]],
+        "velocity": [[0.5, 0.0, -0.25], [1.0, 0.0, 2.0]],
+        "xsph_velocity": [[0.1, 0.0, 0.2], [0.0, 0.0, -0.1]],
+        "acceleration": [[1.0, 0.0, -9.0], [3.0, 0.0, 0.0]],
+        "density": [1010.0, 2500.0],
+        "density_rate": [-100.0, 4000.0],
+        "fluid": [0, 1],
+    }
+    after = launch(integrators.drift_half, DRIFT, count=2, dt=0.02, **given)
+    x, u, xsph, a, rho, D, _ = (np.array(values, float) for values in given.values())
+    np.testing.assert_allclose(after["position"], x + 0.01 * (u + xsph), rtol=TOLERANCE * 1e-2)
+    np.testing.assert_allclose(after["density"], rho + 0.01 * D, rtol=TOLERANCE * 1e-2)
+    # What the pair loops read: the place and the velocity of the middle of the step, m / rho and Tait's p there.
+    np.testing.assert_allclose(after["position_volume"][:, :3], after["position"], rtol=TOLERANCE)
+    np.testing.assert_allclose(after["velocity_pressure"][:, :3], u + 0.01 * a, rtol=TOLERANCE)
+    rest_density, c = np.array([1000.0, 2530.0]), np.array([20.0, 30.0])
+    volume = rest_density * SPACING**2 / after["density"]
+    pressure = c**2 * rest_density / 7 * ((after["density"] / rest_density) ** 7 - 1)
+    np.testing.assert_allclose(after["position_volume"][:, 3], volume, rtol=TOLERANCE)
+    np.testing.assert_allclose(after["velocity_pressure"][:, 3], pressure, rtol=TOLERANCE)
+
+
+def test_second_half_is_eq_78_and_79(launch):
+    after = kick(
+        launch,
+        dt=0.02,
+        position=[1.0, 0.0, 2.0],
+        velocity=[0.5, 0.0, -0.25],
+        xsph_velocity=[0.1, 0.0, 0.2],
+        pressure_acceleration=[1.0, 0.0, 0.0],
+        dissipative_acceleration=[0.0, 0.0, 2.0],
+        wall_acceleration=[0.0, 0.0, 5.0],
+        numbers={"gravity": wp.vec3(0.0, 0.0, -9.0)},
+    )
+    a = np.array([1.0, 0.0, -2.0])
+    u = np.array([0.5, 0.0, -0.25]) + 0.02 * a
+    x = np.array([1.0, 0.0, 2.0]) + 0.01 * (u + np.array([0.1, 0.0, 0.2]))
+    for name, value in {"acceleration": a, "velocity": u, "position": x}.items():
+        np.testing.assert_allclose(after[name][0], value, rtol=TOLERANCE)
+    np.testing.assert_allclose(after["velocity_pressure"][0, :3], u, rtol=TOLERANCE)
+    np.testing.assert_allclose(after["position_volume"][0, :3], x, rtol=TOLERANCE)
+    assert after["speed"][0] == pytest.approx(np.linalg.norm(u), rel=TOLERANCE)
+    assert after["moved"][0] == pytest.approx(np.linalg.norm(x), rel=TOLERANCE)  # it was listed at the origin
+
+
+def test_density_ends_by_eq_80(launch):
+    """And what diffusion takes of internal energy, m p / rho^2 d rho, is booked as dissipated."""
+    mass, rho, p = 10.0, 1010.0, 300.0
+    after = launch(
+        *(integrators.finish_density, FINISH),
+        dt=0.02,
+        density=rho,
+        density_rate=50.0,
+        diffusion_rate=-7.0,
+        position_volume=[0.0, 0.0, 0.0, mass / rho],
+        velocity_pressure=[0.0, 0.0, 0.0, p],
+    )
+    assert after["density"][0] == pytest.approx(rho + 0.01 * 50.0, rel=TOLERANCE)
+    np.testing.assert_allclose(after["work"][0], [mass * p / rho**2 * 7.0 * 0.02, 0.0, 0.0], rtol=TOLERANCE)
+
+
+def test_kinetic_energy_is_accounted_for(launch):
+    """Its change is the work of gravity, of pressure and of walls, less what is dissipated and what is damped."""
+    random = np.random.default_rng(5)
+    forces = {
+        name: random.normal(size=(50, 3)) * [30, 0, 30]
+        for name in ("pressure_acceleration", "dissipative_acceleration", "wall_acceleration")
+    }
+    u = random.normal(size=(50, 3)) * [1, 0, 1]
+    after = kick(launch, count=50, dt=0.02, damping=8.0, velocity=u, **forces)
+    kicked = u + 0.02 * sum(forces.values())
+    path = 10.0 * 0.02 * 0.5 * (u + kicked)  # of a mass of 10 kg/m
+    by = {name: np.einsum("ik,ik->i", force, path) for name, force in forces.items()}
+    dissipated, by_walls, damped = after["work"].T
+    np.testing.assert_allclose(dissipated, -by["dissipative_acceleration"], rtol=0, atol=10 * TOLERANCE)
+    np.testing.assert_allclose(by_walls, by["wall_acceleration"], rtol=0, atol=10 * TOLERANCE)
+    np.testing.assert_allclose(after["velocity"], kicked * math.exp(-8.0 * 0.02), rtol=0, atol=10 * TOLERANCE)
+    gained = 5.0 * (np.einsum("ik,ik->i", after["velocity"], after["velocity"]) - np.einsum("ik,ik->i", u, u))
+    budget = by["pressure_acceleration"] + by_walls - dissipated - damped
+    np.testing.assert_allclose(gained, budget, rtol=0, atol=1e2 * TOLERANCE)
+
+
+def test_held_fluid_feels_no_force(launch):
+    after = kick(
+        launch,
+        pressure_acceleration=[100.0, 0.0, 50.0],
+        wall_acceleration=[0.0, 0.0, 9.0],
+        numbers={"mobility": [0.0, 1.0], "gravity": wp.vec3(0.0, 0.0, -9.81)},
+    )
+    for name in ("velocity", "position", "acceleration", "work"):
+        assert not after[name].any()
+
+
+def test_slow_particles_move_far_from_the_origin(launch):
+    """5 mm/s in steps of 0.1 ms at x = 8 m, where single precision could not tell one place from the next."""
+    x = np.array([[8.0, 0.0, 0.0]])
+    for _ in range(20):
+        x = launch(integrators.drift_half, DRIFT, dt=1e-4, velocity=[0.005, 0.0, 0.0], position=x)["position"]
+        x = kick(launch, dt=1e-4, velocity=[0.005, 0.0, 0.0], position=x)["position"]
+    assert x[0, 0] - 8.0 == pytest.approx(20 * 1e-4 * 0.005, rel=1e-5)
+
+
+# ------------------------------------------------------------------------------------------- limits of the step
+
+
+@pytest.mark.parametrize(
+    ("fields", "limit"),
+    [
+        ({}, 0.5 * H / SOUND_SPEED),
+        ({"velocity": [3.0, 0.0, 4.0]}, 0.5 * H / (SOUND_SPEED + 5.0)),
+        ({"numbers": {"courant": 0.25}}, 0.25 * H / SOUND_SPEED),
+        ({"pressure_acceleration": [0.0, 0.0, -4e4]}, 0.3 * math.sqrt(H / 4e4)),
+        ({"numbers": {"alpha": [8.0, 0.0]}}, 0.25 * H**2 / (8.0 * SOUND_SPEED * H / 8)),
+        ({"velocity": [6.0, 0.0, 8.0], "wall_distance": 0.02}, 0.5 * 0.02 / 10.0),
+    ],
+    ids=["sound", "sound and motion", "courant", "force", "viscosity", "wall"],
+)
+def test_limits_of_the_step(launch, fields, limit):
+    """Each where it is the least, with a step too short to change the velocity."""
+    after = kick(launch, dt=1e-12, **fields)
+    assert after["dt_limit"][0] == pytest.approx(limit, rel=TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    ("fault", "fields"),
+    [
+        (integrators.SOUND, {}),
+        (integrators.SOUND, {"density": 501.0, "position": [49.0, 0.0, 1e6], "velocity": [0.0, 0.0, 19.9]}),
+        (integrators.NOT_FINITE, {"position": [math.nan, 0.0, 0.0]}),
+        (integrators.NOT_FINITE, {"velocity": [0.0, 0.0, math.inf]}),
+        (integrators.NOT_FINITE, {"pressure_acceleration": [math.nan, 0.0, 0.0]}),
+        (integrators.NOT_FINITE, {"density": math.nan}),
+        (integrators.TOO_LIGHT, {"density": 499.0}),
+        (integrators.TOO_DENSE, {"density": 2001.0}),
+        (integrators.SOUND, {"density": 2001.0, "fluid": 1}),  # of a fluid with 2530 kg/m3
+        (integrators.TOO_FAST, {"velocity": [20.1, 0.0, 0.0]}),
+        (integrators.OUTSIDE, {"position": [50.1, 0.0, 0.0]}),
+        (integrators.OUTSIDE, {"position": [-50.1, 0.0, 0.0]}),
+        (integrators.OUTSIDE, {"position": [0.0, 0.0, -50.1]}),
+        (integrators.OUTSIDE, {"position": [0.0, 1.1, 0.0]}),
+    ],
+)
+def test_what_is_absurd(launch, fault, fields):
+    assert kick(launch, dt=1e-6, **fields)["fault"][0] == fault
+
+
+# ----------------------------------------------------------------------------------------------------- the clock
+
+
+class Clock:
+    """The arrays of `advance_clock`, with one particle whose limit and fault can be set."""
+
+    def __init__(self, device: str, target: float, limit: float) -> None:
+        self.device = device
+        self.limit, self.moved, self.speed = self._array([limit]), self._array([0.25]), self._array([1.5])
+        self.fault = self._array([0], int)
+        self.extremes, self.fault_slot = wp.zeros(1, dtype=wp.vec3, device=device), self._array([0], int)
+        self.time, self.target = self._array([0.0], wp.float64), self._array([target], wp.float64)
+        self.dt, self.dt_limit, self.steps = self._array([0.0]), self._array([limit]), self._array([0], int)
+        self.most_moved, self.top_speed = self._array([0.0]), self._array([0.0])
+        self.first_fault, self.first_fault_slot = self._array([0], int), self._array([0], int)
+        self._launch(integrators.aim_clock, self.time, self.target, self.dt_limit, self.dt)
+
+    def _array(self, values: list, dtype: type = float) -> wp.array:
+        return wp.array(values, dtype=dtype, device=self.device)
+
+    def _launch(self, kernel: wp.Kernel, *arguments: object) -> None:
+        wp.launch(kernel, dim=1, inputs=[0, *arguments], device=self.device)
+
+    def tick(self) -> None:
+        watched = [self.limit, self.moved, self.speed, self.fault, self.extremes, self.fault_slot]
+        self._launch(integrators.watch_blocks, 1, 256, *watched)
+        self._launch(
+            *(integrators.advance_clock, 1, self.extremes, self.fault_slot, self.fault, self.target, self.time),
+            *(self.dt, self.dt_limit, self.steps, self.most_moved, self.top_speed),
+            *(self.first_fault, self.first_fault_slot),
+        )
+
+
+def value(array: wp.array) -> float:
+    return float(array.numpy()[0])
+
+
+@pytest.mark.parametrize("target", [0.1, 1.0 / 30.0, 1e-7])
+def test_clock_ends_exactly_at_its_target(device, target):
+    """In equal steps none of which is above the limit, and not in one step more than that takes."""
+    clock, limit, steps = Clock(device, target, limit=3e-4), 3e-4, []
+    while value(clock.dt) > 0.0:
+        steps.append(value(clock.dt))
+        clock.tick()
+    assert value(clock.time) == target
+    assert len(steps) == value(clock.steps) == max(1, math.ceil(target / limit))
+    assert max(steps) <= limit * (1 + TOLERANCE)
+    np.testing.assert_allclose(steps, target / len(steps), rtol=1e-3)  # the last of them made up the rounding
+
+
+def test_clock_keeps_to_a_limit_that_changes(device):
+    clock, random = Clock(device, 0.05, limit=3e-4), np.random.default_rng(6)
+    limit = 3e-4
+    while value(clock.dt) > 0.0:
+        assert value(clock.dt) <= limit * (1 + TOLERANCE)
+        limit = random.uniform(1e-4, 5e-4)
+        clock.limit.fill_(limit)
+        clock.tick()
+        assert value(clock.dt_limit) == pytest.approx(limit, rel=TOLERANCE)
+    assert value(clock.time) == 0.05
+    assert (value(clock.most_moved), value(clock.top_speed)) == (0.25, 1.5)
+
+
+def test_clock_stops_at_the_first_fault(device):
+    clock = Clock(device, 0.1, limit=1e-3)
+    clock.tick()
+    clock.fault.fill_(integrators.TOO_FAST)
+    clock.tick()
+    assert value(clock.dt) == 0.0 and value(clock.first_fault) == integrators.TOO_FAST
+    assert (value(clock.time), value(clock.steps)) == (pytest.approx(2e-3), 2)
+    clock.fault.fill_(integrators.OUTSIDE)
+    clock.tick()
+    assert value(clock.first_fault) == integrators.TOO_FAST
+    assert value(clock.steps) == 2
+
+
+def test_blocks_are_watched_to_the_last_particle(device):
+    """Least limit, farthest motion, highest speed and first fault of each block; the last block is a short one."""
+    random, count, size = np.random.default_rng(7), 1000, 256
+    limit, moved, speed = random.uniform(size=(3, count)).astype(np.float32)
+    fault = np.zeros(count, np.int32)
+    fault[[300, 301, 999]] = [integrators.TOO_LIGHT, integrators.OUTSIDE, integrators.TOO_FAST]
+    extremes, slot = wp.zeros(4, dtype=wp.vec3, device=device), wp.zeros(4, dtype=int, device=device)
+    arrays = [wp.array(values, device=device) for values in (limit, moved, speed, fault)]
+    wp.launch(integrators.watch_blocks, dim=4, inputs=[0, count, size, *arrays, extremes, slot], device=device)
+    edges = np.arange(0, count, size)
+    expected = [np.minimum.reduceat(limit, edges), np.maximum.reduceat(moved, edges), np.maximum.reduceat(speed, edges)]
+    np.testing.assert_array_equal(extremes.numpy(), np.stack(expected, axis=1))
+    np.testing.assert_array_equal(slot.numpy(), [-1, 300, -1, 999])

@@ -1,0 +1,178 @@
+"""Neighbour lists against a search of all pairs, and the order that particles are brought into."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from warpsph.geometry import place
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.launch import Launcher
+from warpsph.model import SKIN, Model
+from warpsph.neighbours import Neighbours
+from warpsph.state import State
+
+# A pair whose distance is within this of the list's radius, relatively, may be on the list or not: rounding decides.
+TOLERANCE = 1e-6
+
+SCENE = """
+title: Points
+dimensions: 2
+spacing: 0.1
+materials: {water: {density: 1000.0, sound_speed: 100.0}}
+walls: [{name: wall, path: [[-1.0, -0.5], [0.5, -0.5], [1.0, 0.5]]}]
+wall_model: {set_back: 0.0}
+fluids: [{name: water, material: water, shape: {box: {min: [0.0, 1.0], max: [0.2, 1.2]}}}]
+run: {end_time: 1.0}
+"""
+REACH = 2.0 * 0.15 * (1.0 + SKIN)  # of a list, which is the edge of a cell too [m]
+
+
+class Listed:
+    """Lists that were built once for particles at `x` [m], shape [n, 3]."""
+
+    def __init__(self, scene, device: str, x: np.ndarray, capacity: int | None = None) -> None:
+        self.x, n = x, len(x)
+        placement = replace(
+            place(scene),
+            position=x,
+            velocity=np.arange(3.0 * n).reshape(n, 3),
+            fluid=np.zeros(n, np.int32),
+            initial_depth=np.zeros(n),
+        )
+        self.model = Model(scene, placement, Launcher(device))
+        if capacity:
+            self.model.set_list_capacity(self.model.parameters, capacity)
+        self.state = State(self.model)
+        self.neighbours = Neighbours(self.model, self.state)
+        self.grew = self.neighbours.rebuild()
+
+    @property
+    def id(self) -> np.ndarray:
+        """Identity of the particle in each slot, shape [n]."""
+        return self.state.id.numpy()
+
+    def pairs(self) -> np.ndarray:
+        """Whether j is on the list of i, by identity, bool [n, n]; no entry twice."""
+        p, count, entries = self.model.parameters, self.neighbours.count.numpy(), self.neighbours.list.numpy()
+        assert count.max() <= p.list_capacity
+        found = np.zeros((len(self.x), len(self.x)), dtype=int)
+        for i, id_i in enumerate(self.id):
+            row = entries[i * p.row_stride + np.arange(count[i]) * p.column_stride]
+            np.add.at(found[id_i], self.id[row], 1)
+        assert found.max() <= 1
+        return found == 1
+
+    def wall_pairs(self) -> np.ndarray:
+        """Whether wall point k is on the list of i, by identity, bool [n, wall_count]; no entry twice."""
+        first, entries = self.neighbours.wall_first.numpy(), self.neighbours.wall_list.numpy()
+        found = np.zeros((len(self.x), len(self.model.wall_position)), dtype=int)
+        for i, id_i in enumerate(self.id):
+            np.add.at(found[id_i], entries[first[i] : first[i + 1]], 1)
+        assert found.max() <= 1
+        return found == 1
+
+
+@pytest.fixture
+def listed(make_scene, device):
+    """A function that lists the neighbours of points `x` [m], shape [n, 3], at a spacing of 0.1 m."""
+    return lambda x, *overrides, **fields: Listed(make_scene(SCENE, *overrides), device, np.asarray(x), **fields)
+
+
+def cloud(count: int, low: tuple[float, float], high: tuple[float, float], seed: int = 0) -> np.ndarray:
+    return np.insert(np.random.default_rng(seed).uniform(low, high, (count, 2)), 1, 0.0, axis=1)
+
+
+def assert_lists(found: np.ndarray, x: np.ndarray, others: np.ndarray, reach: float = REACH) -> None:
+    """`found` [n, k] holds exactly the pairs of `x` [n, 3] and `others` [k, 3] that are closer than `reach` [m]."""
+    distance = np.linalg.norm(x.astype(np.float32).astype(float)[:, None] - others.astype(np.float32), axis=2)
+    if others is x:
+        np.fill_diagonal(distance, np.inf)
+    clear = np.abs(distance / reach - 1.0) > TOLERANCE
+    assert np.any(found)
+    np.testing.assert_array_equal(found[clear], (distance < reach)[clear])
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [
+        ((-1.5, -1.5), (1.5, 1.5)),
+        ((-5.0, -2.0), (-4.0, 1.0)),
+        ((-0.1, -6.0), (0.1, 6.0)),
+        ((900.0, 40.0), (903.0, 41.0)),
+    ],
+    ids=["around the origin", "left of it", "upright", "far away"],
+)
+def test_lists_are_those_of_a_search_of_all_pairs(listed, low, high):
+    x = cloud(400, low, high)
+    assert_lists(listed(x).pairs(), x, x)
+
+
+def test_cells_that_share_a_slot_of_the_grid_are_told_apart(listed):
+    """The grid repeats itself every 256 cells along x and every 32 along z, where other particles share its slots."""
+    near = cloud(120, (-1.0, -1.0), (1.0, 1.0))
+    turns = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -2), (3, 1)]
+    x = np.concatenate([near + REACH * np.array([256 * a, 0, 32 * b]) for a, b in turns])
+    assert_lists(listed(x).pairs(), x, x)
+
+
+def test_a_cloud_far_wider_than_the_grid(listed):
+    x = np.concatenate([cloud(800, (-200.0, -30.0), (200.0, 30.0)), cloud(400, (-130.0, 0.0), (130.0, 0.2))])
+    assert_lists(listed(x).pairs(), x, x)
+
+
+@pytest.mark.parametrize("kernel", SMOOTHING)
+def test_lists_reach_beyond_the_support(listed, kernel):
+    made = listed(cloud(300, (-1.5, -1.5), (1.5, 1.5)), f"smoothing.kernel={kernel}")
+    reach = SMOOTHING[kernel].support * 0.15 * (1.0 + SKIN)
+    assert made.model.parameters.list_radius == pytest.approx(reach)
+    assert made.model.skin == pytest.approx(reach - SMOOTHING[kernel].support * 0.15)
+    assert_lists(made.pairs(), made.x, made.x, reach)
+
+
+def test_wall_points_on_the_lists(listed):
+    made = listed(cloud(300, (-1.5, -1.0), (1.5, 1.0)))
+    assert_lists(made.wall_pairs(), made.x, made.model.wall_position.numpy())
+
+
+def test_wall_list_grows(listed):
+    """It begins with room for 1024 entries."""
+    made = listed(cloud(600, (-1.0, -0.7), (0.5, -0.3)))
+    assert made.grew and made.neighbours.wall_first.numpy()[-1] > 1024
+    assert_lists(made.wall_pairs(), made.x, made.model.wall_position.numpy())
+    assert not made.neighbours.rebuild()
+
+
+def test_rows_grow(listed):
+    x = cloud(400, (-1.5, -1.5), (1.5, 1.5))
+    made = listed(x, capacity=4)
+    assert made.grew and made.model.parameters.list_capacity > 4
+    assert_lists(made.pairs(), x, x)
+    assert not made.neighbours.rebuild()
+    assert_lists(made.pairs(), x, x)
+
+
+def test_particles_move_slots_whole(listed):
+    """Ids are a permutation, and what belongs to a particle goes with its id."""
+    x = cloud(500, (-3.0, -3.0), (3.0, 3.0))
+    made = listed(x)
+    np.testing.assert_array_equal(np.sort(made.id), np.arange(500))
+    assert np.any(made.id != np.arange(500))
+    np.testing.assert_array_equal(made.state.position.numpy(), x[made.id])
+    np.testing.assert_array_equal(made.state.velocity.numpy(), np.arange(1500.0).reshape(500, 3)[made.id])
+    np.testing.assert_array_equal(made.neighbours.position.numpy(), x[made.id].astype(np.float32))
+
+
+def test_slots_of_a_cell_lie_together(listed):
+    made = listed(cloud(500, (-3.0, -3.0), (3.0, 3.0)))
+    cell = np.floor(made.neighbours.position.numpy() / np.float32(REACH)).astype(int)[:, [0, 2]]
+    changes = np.any(np.diff(cell, axis=0) != 0, axis=1).sum()
+    assert changes + 1 == len(np.unique(cell, axis=0))
+
+
+def test_sorting_what_is_sorted_changes_nothing(listed):
+    made = listed(cloud(500, (-3.0, -3.0), (3.0, 3.0)))
+    before, entries = made.id.copy(), made.neighbours.list.numpy().copy()
+    made.neighbours.rebuild()
+    np.testing.assert_array_equal(made.id, before)
+    np.testing.assert_array_equal(made.neighbours.list.numpy(), entries)
