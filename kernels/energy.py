@@ -16,7 +16,8 @@ DISSIPATED = wp.constant(10)
 WALL_WORK = wp.constant(11)
 DAMPED = wp.constant(12)
 FRONT = wp.constant(13)  # not a sum: the largest x
-COLUMN_COUNT = 14
+TOP_SPEED = wp.constant(14)  # not a sum: the highest speed
+COLUMN_COUNT = 15
 
 
 @wp.kernel(enable_backward=False)
@@ -46,6 +47,7 @@ def sum_blocks(
     mass_u = wp.vec3d()
     done = wp.vec3d()
     front = wp.float64(-wp.inf)
+    top_speed = wp.float64(0.0)
     for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
         done_i = work[i]
         if fluid[i] == mine:
@@ -60,6 +62,7 @@ def sum_blocks(
             mass_x += m * x
             mass_u += m * u
             front = wp.max(front, x[0])
+            top_speed = wp.max(top_speed, wp.length(u))
         if mine == 0:
             # The accumulated work stays in its slot when particles are reordered, so it has no fluid of its own.
             done += done_i
@@ -74,3 +77,4 @@ def sum_blocks(
     sums_out[row, WALL_WORK] = done[1]
     sums_out[row, DAMPED] = done[2]
     sums_out[row, FRONT] = front
+    sums_out[row, TOP_SPEED] = top_speed

@@ -28,3 +28,28 @@ def make_scene(tmp_path_factory) -> Callable[..., Scene]:
         return load_scene(path, overrides)
 
     return make
+
+
+# Water and a heavier fluid of the other state equation let go in a tank: fast, violent and small.
+COLLAPSE = """
+title: Two columns collapse in a tank
+dimensions: 2
+spacing: 0.02
+materials:
+  water: {density: 1000.0, sound_speed: 28.0, alpha: 0.05}
+  brine: {density: 1200.0, sound_speed: 30.0, alpha: 0.02, state_equation: linear}
+walls:
+  - {name: tank, path: [[0.0, 0.6], [0.0, 0.0], [0.8, 0.0], [0.8, 0.6]]}
+fluids:
+  - {name: water, material: water, shape: {box: {min: [0.0, 0.0], max: [0.2, 0.4]}}}
+  - {name: brine, material: brine, shape: {box: {min: [0.2, 0.0], max: [0.3, 0.4]}}}
+gauges:
+  - {name: middle, x: 0.4}
+run: {end_time: 1.0}
+"""
+
+
+@pytest.fixture(scope="session")
+def make_collapse(make_scene) -> Callable[..., Scene]:
+    """A function that makes the scene of two collapsing columns, 300 particles, with overrides."""
+    return lambda *overrides: make_scene(COLLAPSE, *overrides)

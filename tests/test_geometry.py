@@ -447,7 +447,8 @@ def test_a_bed_between_walls_of_other_names_does_not_leak():
         ),
         (
             make(fluids=[shaped({"box": {"min": [1.0, 0.0], "max": [1.18, 1.0]}})]),
-            "fluids[0].shape: 20 particles stand for 11.1% more than its area of 0.18 m2",
+            "fluids[0].shape: 20 cells of the lattice cover 11.1% more than its area of 0.18 m2; "
+                "its particles are made lighter",
         ),
     ],
 )
@@ -463,3 +464,9 @@ def test_drop_height():
     assert placement.wall_position.shape == placement.wall_normal.shape == (0, 3)
     assert placement.wall_index.shape == placement.wall_length.shape == (0,)
     assert place(make(sound_speed=0.1, gravity=0.0)).warnings == ()
+
+
+def test_a_shape_weighs_what_its_drawing_weighs():
+    """0.18 m2 in 20 cells of 0.01 m2; a fill keeps its cells."""
+    placement = place(make(fluids=[shaped({"box": {"min": [1.0, 0.0], "max": [1.18, 1.0]}})]))
+    np.testing.assert_allclose(len(placement.position) * placement.volume, [0.18])

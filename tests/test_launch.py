@@ -23,7 +23,7 @@ def grow(first: int, factor: wp.array[float], values_inout: wp.array[float]):
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 7])
-@pytest.mark.parametrize("count", [0, 1, 2, 127, 128, 129, 1000])
+@pytest.mark.parametrize("count", [1, 2, 127, 128, 129, 1000])
 def test_each_index_is_visited_once(device, threads, count):
     visits, index = (wp.zeros(count, dtype=int, device=device) for _ in range(2))
     Launcher(device, threads).run(count_visits, count, [visits, index])

@@ -184,10 +184,10 @@ def test_files_that_are_gone_or_cut_short_are_found(cache_copy, tmp_path):
     assert "scene.usda: does not open" in problem
 
 
-def test_an_earlier_cache_is_refused_or_cleared(cache_copy):
+def test_an_earlier_cache_is_refused_or_begun_anew(cache_copy):
     with pytest.raises(FileExistsError, match="holds the USD cache of an earlier run"):
         open_cache(cache_copy)
-    open_cache(cache_copy, overwrite=True).write(spinning_blob(0))
+    open_cache(cache_copy, resume_at=0).write(spinning_blob(0))
     assert sorted(path.name for path in cache_copy.rglob("*.usd*")) == [
         "fluid.00000.usdc",
         "manifest.usda",

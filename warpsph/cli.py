@@ -63,7 +63,9 @@ def _parser() -> argparse.ArgumentParser:
     check = command("check", _check, "print counts, memory, time step and time of a scene; nothing is run")
     for one in (scene, check):
         one.add_argument("file", type=Path, help="scene file (YAML)")
-        one.add_argument("--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene")
+        one.add_argument(
+            "--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene"
+        )
         one.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
     scene.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
     scene.add_argument("--overwrite", action="store_true", help="replace the run that the folder holds")
@@ -140,9 +142,7 @@ def _resume(options: argparse.Namespace) -> int:
     if not file.exists():
         raise _InputError(f"{options.run}: not a run folder (it has no scene.yaml)")
     scene = load_scene(file, [] if options.until is None else [f"run.end_time={options.until}"])
-    run = Run(
-        scene, options.run, device=options.device, threads=options.threads, resume=True, began=options.began
-    )
+    run = Run(scene, options.run, device=options.device, threads=options.threads, resume=True, began=options.began)
     return _finish(run)
 
 
@@ -168,7 +168,9 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
     ]
     if "energy drift / converted" in conservation:
-        lines.append(f"  energy sum      drifts by {conservation['energy drift / converted']:.2%} of the energy converted")
+        lines.append(
+            f"  energy sum      drifts by {conservation['energy drift / converted']:.2%} of the energy converted"
+        )
     for name, gauge in facts["gauges"].items():
         lines.append(
             f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
@@ -190,7 +192,9 @@ def _check(options: argparse.Namespace) -> int:
     for name, count in facts.counts.items():
         print(f"  {name:<15} {count:,} particles")
     print(f"  wall points     {facts.wall_count:,}")
-    print(f"  memory          {facts.memory / 1e6:,.1f} MB ({facts.memory / facts.particle_count:.0f} bytes a particle)")
+    print(
+        f"  memory          {facts.memory / 1e6:,.1f} MB ({facts.memory / facts.particle_count:.0f} bytes a particle)"
+    )
     print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
     print(f"  time            about {_duration(seconds)} on {launcher.threads} thread(s), output not counted")
     for warning in facts.warnings:

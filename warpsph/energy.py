@@ -26,7 +26,6 @@ class Budget:
         """What must not change: kinetic + potential + internal + dissipated + damped - wall work."""
         return self.kinetic + self.potential + self.internal + self.dissipated + self.damped - self.wall_work
 
-
     def parts(self) -> list[float]:
         """The six parts in the order above."""
         return [getattr(self, part.name) for part in fields(self)]
@@ -41,12 +40,14 @@ class Motion:
         center: Centre of gravity [m], shape [3].
         velocity: Of the centre of gravity [m/s], shape [3].
         front: Largest x of its particles [m].
+        top_speed: Highest speed of its particles [m/s].
     """
 
     mass: float
     center: np.ndarray
     velocity: np.ndarray
     front: float
+    top_speed: float
 
 
 class Energy:
@@ -79,6 +80,7 @@ class Energy:
                 center=row[_X] / row[kernels.MASS],
                 velocity=row[_U] / row[kernels.MASS],
                 front=float(blocks[:, f, kernels.FRONT].max()),
+                top_speed=float(blocks[:, f, kernels.TOP_SPEED].max()),
             )
             for f, row in enumerate(fluids)
         ]

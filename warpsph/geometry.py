@@ -111,8 +111,9 @@ def _shape_sites(scene: Scene, path: str, fluid: Fluid, outlines: Sequence[Outli
     area = _shape_area(scene, fluid)
     excess = len(sites) * dx**2 / area - 1.0 if area else 0.0
     if len(sites) and abs(excess) > 0.05:
-        words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {'more' if excess > 0 else 'less'} than its area"
-        warnings.append(str(scene.error(path, f"{words} of {area:.4g} m2; particles are made as much lighter or heavier")))
+        more, lighter = ("more", "lighter") if excess > 0 else ("less", "heavier")
+        words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its area of {area:.4g} m2"
+        warnings.append(str(scene.error(path, f"{words}; its particles are made {lighter}")))
     roof = _roof(border, sites)
     # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
     depth = (roof - sites[:, 1]) * math.cos(math.radians(angle)) ** 2
@@ -321,7 +322,7 @@ def _wet_side(wall: Outline, sites: Array) -> int:
 
 
 def behind_walls(placement: Placement, position: Array) -> NDArray[np.bool_]:
-    """Whether each particle at `position` [m], shape [n, 3], has gone to the far side of its nearest wall point, [n]."""
+    """Whether each particle at `position` [m], shape [n, 3], is on the far side of its nearest wall point, [n]."""
     behind = np.zeros(len(position), dtype=bool)
     for first in range(0, len(position), 1000):
         some = position[first : first + 1000]

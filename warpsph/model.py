@@ -81,18 +81,21 @@ class Model:
         def table(values: list[float]) -> wp.array:
             return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
 
-        p.mass = table([material.density * volume for material, volume in zip(materials, placement.volume, strict=True)])
+        p.mass = table(
+            [material.density * volume for material, volume in zip(materials, placement.volume, strict=True)]
+        )
         p.rest_density = table([material.density for material in materials])
         p.sound_speed = table([material.sound_speed for material in materials])
         p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])
         p.alpha = table([material.alpha for material in materials])
         p.wall_alpha = table([material.wall_alpha / points for material in materials])
+        p.wall_friction = table([material.wall_friction for material in materials])
         p.still_level = table([fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids])
         p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
         return p
 
     def pressure(self, density: np.ndarray, fluid: np.ndarray) -> np.ndarray:
-        """Pressure [Pa], float32, from density [kg/m3] and fluid index, both of shape [n]: the state equation of the kernels."""
+        """Pressure [Pa], float32, from density [kg/m3] and fluid index, all of shape [n], by the kernels' laws."""
         p = self.parameters
         rest, c, stiffening = (a.numpy()[fluid].astype(float) for a in (p.rest_density, p.sound_speed, p.stiffening))
         x = density / rest

@@ -1,15 +1,11 @@
 """Neighbours on the host's side: sorts the particles by cell and builds the lists of a state."""
 
-from dataclasses import dataclass
-
-import numpy as np
 import warp as wp
 
 from warpsph.kernels import neighbours as kernels
 from warpsph.launch import Launch
 from warpsph.model import Model
 from warpsph.state import State
-
 
 # Beside the rows of the list: listed position, counts, the grid's cells and ids, the order and the sorting scratch.
 NEIGHBOUR_BYTES = 12 + 3 * 4 + 4 * 4 + 4 + (24 + 12 + 8 + 4 + 4)
@@ -49,9 +45,7 @@ class Neighbours:
         )
         wall_arguments = [self.model.wall_grid.id, parameters, self.position, walls]
         self._count_walls = record(kernels.count_wall_points, count, [*wall_arguments, self.wall_count])
-        self._list_walls = record(
-            kernels.list_wall_points, count, [*wall_arguments, self.wall_first, self.wall_list]
-        )
+        self._list_walls = record(kernels.list_wall_points, count, [*wall_arguments, self.wall_first, self.wall_list])
         self._sort = self._record_sort()
 
     def _record_sort(self) -> list[Launch]:

@@ -39,7 +39,9 @@ class Outputs:
                 fluids=fluids,
                 walls=walls,
                 spacing=scene.spacing,
-                window=(view.x, view.z) if view else window_around(np.concatenate([particles, *walls.values()]), scene.spacing),
+                window=(view.x, view.z)
+                if view
+                else window_around(np.concatenate([particles, *walls.values()]), scene.spacing),
                 speed_scale=_round(0.7 * math.sqrt(2.0 * scene.gravity * drop_height(simulation.placement))),
             )
         if scene.output.usd:
@@ -70,7 +72,9 @@ class Outputs:
         if self._pictures is not None and self._frame:
             animate(preview, preview / "animation", scene.output.frames_per_second)
         if scene.output.pictures and scene.gauges:
-            gauge_picture([self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png")
+            gauge_picture(
+                [self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png"
+            )
 
     def report(self) -> None:
         """Write the HTML page; needs run.json."""

@@ -37,6 +37,18 @@ def read_record(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(header, values.T, strict=True))
 
 
+def find_front(time: np.ndarray, level: np.ndarray) -> float:
+    """When the level first stands half as high above its first value as at its highest [s].
+
+    `time` [s] and `level` [m] are a gauge's record, shape [sample_count].
+    """
+    half = 0.5 * (level[0] + level.max())
+    k = int(np.argmax(level >= half))
+    if k == 0:
+        return float(time[0])
+    return float(np.interp(half, level[k - 1 : k + 1], time[k - 1 : k + 1]))
+
+
 def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float]:
     """Amplitude of the highest crest above the first level [m], and when it passes [s].
 

@@ -15,7 +15,6 @@ import warp as wp
 
 import warpsph
 from warpsph.checkpoint import read_checkpoint, write_checkpoint
-from warpsph.energy import Budget
 from warpsph.outputs import Outputs
 from warpsph.progress import Progress
 from warpsph.records import Record, find_crest, read_record
@@ -101,7 +100,7 @@ class Run:
     def _open_records(self, resume_at: float | None) -> dict[str, Record]:
         unit = "[J/m]" if self.scene.dimensions == 2 else "[J]"
         energies = ("kinetic", "potential", "internal", "dissipated", "wall work", "damped", "total")
-        motion = ("x [m]", "z [m]", "u [m/s]", "w [m/s]", "front [m]")
+        motion = ("x [m]", "z [m]", "u [m/s]", "w [m/s]", "front [m]", "top speed [m/s]")
         columns = {
             "energy": [f"{name} {unit}" for name in energies],
             **{f"gauges/{name}": ["level [m]"] for name in self.simulation.gauges.names},
@@ -140,7 +139,7 @@ class Run:
             progress.close()
             for record in self._records.values():
                 record.close()
-        seconds = time.perf_counter() - started
+        seconds = max(time.perf_counter() - started, 1e-9)
         if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
             write_checkpoint(self.folder / "checkpoints", simulation.state)
         log.info("%s %s", outcome, why)
@@ -154,11 +153,15 @@ class Run:
             "list rebuilds": simulation.step.neighbours.rebuilds,
             "seconds to the first steps": round(first_steps - self._began, 3),
         }
+        self._write_facts(facts)  # before the rest, which may fail for want of disk
         self._outputs.finish()
-        facts["speed"]["seconds, all output included"] = round(time.perf_counter() - self._began, 3)
-        (self.folder / "run.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        self._write_facts(facts)
         self._outputs.report()
         return facts
+
+    def _write_facts(self, facts: dict[str, Any]) -> None:
+        facts["speed"]["seconds, all output included"] = round(time.perf_counter() - self._began, 3)
+        (self.folder / "run.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
     def _next_event(self) -> float:
         now = self.simulation.time
@@ -179,7 +182,7 @@ class Run:
                 self._records[f"gauges/{name}"].write(now, [level])
             for name, motion in zip(simulation.model.fluid_names, motions, strict=True):
                 (x, _, z), (u, _, w) = motion.center, motion.velocity
-                self._records[f"fluids/{name}"].write(now, [x, z, u, w, motion.front])
+                self._records[f"fluids/{name}"].write(now, [x, z, u, w, motion.front, motion.top_speed])
         if self._frames.take(now):
             self._outputs.write_frame()
 
@@ -223,7 +226,9 @@ class Run:
         model = self.simulation.model
         placed = float(np.sum(model.parameters.mass.numpy()[model.initial_fluid], dtype=np.float64))
         energy = read_record(self.folder / "energy.csv")
-        total, potential = (energy[name] for start in ("total", "potential") for name in energy if name.startswith(start))
+        total, potential = (
+            energy[name] for start in ("total", "potential") for name in energy if name.startswith(start)
+        )
         facts = {"mass / mass placed": sum(motion.mass for motion in motions) / placed}
         converted = float(np.ptp(potential)) if len(potential) else 0.0
         # In water at rest nothing is converted, and a share of nothing says nothing.

@@ -103,8 +103,6 @@ class Simulation:
         )
 
 
-
-
 @dataclass(frozen=True)
 class Forecast:
     """What a scene will take, found without running it."""

@@ -79,7 +79,7 @@ class State:
         self.particle_moved = zeros(float)  # [m]
         self.particle_speed = zeros(float)  # [m/s]
         self.particle_fault = zeros(int)
-        # (dissipated, done by walls, damped) since the release [J]: a slot's, not a particle's; only the sum means anything.
+        # Dissipated, done by walls, damped since the release [J]; a slot's, not a particle's: only the sum counts.
         self.work = zeros(wp.vec3d)
 
         self.block_count = -(-count // BLOCK_SIZE)

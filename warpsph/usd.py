@@ -108,11 +108,10 @@ class UsdCache:
         spacing: Particle spacing [m], drawn as the diameter of a particle.
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
         provenance: What made the run, kept in the root file; nested mappings and plain values.
-        overwrite: Clear the frames of an earlier run instead of refusing.
         resume_at: Continue a cache: keep its frames before this one, drop the others.
 
     Raises:
-        FileExistsError: The folder holds a cache, and neither `overwrite` nor `resume_at` is given.
+        FileExistsError: The folder holds a cache, and `resume_at` is not given.
         FileNotFoundError: A frame before `resume_at` is missing.
         OSError: A file could not be written.
     """
@@ -126,7 +125,6 @@ class UsdCache:
         spacing: float,
         frames_per_second: float,
         provenance: Mapping[str, Any] | None = None,
-        overwrite: bool = False,
         resume_at: int | None = None,
     ) -> None:
         self.folder = Path(folder)
@@ -140,7 +138,7 @@ class UsdCache:
         frames = self.folder / "frames"
         if resume_at is not None:
             self._require_frames()
-        elif not overwrite and (self.root.exists() or any(frames.glob("fluid.*.usdc"))):
+        elif self.root.exists() or any(frames.glob("fluid.*.usdc")):
             raise FileExistsError(errno.EEXIST, "holds the USD cache of an earlier run", str(self.folder))
         frames.mkdir(parents=True, exist_ok=True)
         self._root_layer = self._make_root_layer()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from warpsph.geometry import behind_walls
-from warpsph.records import find_crest, read_record
+from warpsph.records import find_crest, find_front, read_record
 from warpsph.run import Run
 from warpsph.validation.result import Result, against, at_most
 
@@ -20,10 +20,10 @@ def measure_landslide(run: Run) -> list[Result]:
     scene, simulation = run.scene, run.simulation
     near, far = scene.gauges[-2:]
     depth = next(fluid.fill.level for fluid in scene.fluids if fluid.fill)
-    crests = []
-    for gauge in (near, far):
-        crests.append(find_crest(*read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()))
-    (first, passed_near), (amplitude, passed_far) = crests
+    records = [tuple(read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()) for gauge in (near, far)]
+    first, amplitude = (find_crest(*record)[0] for record in records)
+    # The crest is flat: its very top wanders within a tenth of a second. The steep front is timed to a sample.
+    passed_near, passed_far = (find_front(*record) for record in records)
     celerity = (far.x - near.x) / (passed_far - passed_near)
     expected = math.sqrt(scene.gravity * (depth + 0.5 * (first + amplitude)))
 
@@ -33,7 +33,7 @@ def measure_landslide(run: Run) -> list[Result]:
     position = simulation.state.snapshot().position
     return [
         _amplitude(depth, amplitude),
-        against("celerity of the crest", "m/s", celerity, expected, 0.03, "sqrt(g (d + a))"),
+        against("celerity of the wave, at half height", "m/s", celerity, expected, 0.03, "sqrt(g (d + a))"),
         at_most("drift of the energy sum over converted", "", drift, 0.01, "conservation"),
         at_most("particles behind a wall", "", int(behind_walls(simulation.placement, position).sum()), 0, "no leak"),
     ]

@@ -53,10 +53,10 @@ def against(
     thesis_error: float | None = None,
 ) -> Result:
     """A result whose relative error must not exceed `bar`."""
-    error = abs(measured - reference) / abs(reference)
-    return Result(quantity, unit, measured, reference, error, thesis_error, bar, error <= bar, source)
+    error = abs(float(measured) - reference) / abs(reference)
+    return Result(quantity, unit, float(measured), reference, error, thesis_error, bar, error <= bar, source)
 
 
 def at_most(quantity: str, unit: str, measured: float, bar: float, source: str) -> Result:
     """A result that is itself an error, and must not exceed `bar`."""
-    return Result(quantity, unit, measured, None, None, None, bar, measured <= bar, source)
+    return Result(quantity, unit, float(measured), None, None, None, bar, float(measured) <= bar, source)

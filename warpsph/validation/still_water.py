@@ -34,6 +34,8 @@ def measure_still_water(run: Run) -> list[Result]:
         against("acceleration by pressure, mean", "m/s2", by_pressure.mean(), g, 0.02, SOURCE),
         at_most("its largest error, over g", "", float(np.abs(by_pressure - g).max() / g), 0.02, SOURCE),
         at_most("largest speed over sqrt(g H)", "", float(speed / math.sqrt(g * depth)), 1e-3, "at rest"),
-        at_most("drift of the level over dx", "", float(np.abs(level - level[0]).max() / scene.spacing), 0.1, "at rest"),
+        at_most(
+            "drift of the level over dx", "", float(np.abs(level - level[0]).max() / scene.spacing), 0.1, "at rest"
+        ),
         at_most("particles behind a wall", "", behind, 0, "no leak"),
     ]

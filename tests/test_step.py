@@ -1,0 +1,180 @@
+"""The time step: its order, what it conserves, and that lists, threads and reruns leave no trace."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import warpsph.model
+from warpsph.geometry import place
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.simulation import Simulation
+
+# Relative, for sums over steps and particles in single precision. What must agree bit for bit has no tolerance.
+TOLERANCE = 1e-5
+
+DROP = """
+title: A drop
+dimensions: 2
+spacing: 0.05
+gravity: 0.0
+materials:
+  water: {density: 1000.0, sound_speed: 20.0, alpha: 0.0}
+tensile_correction: false
+density_diffusion: {model: none}
+xsph: 0.0
+fluids:
+  - {name: drop, material: water, hydrostatic: false, shape: {disc: {center: [0.0, 0.0], radius: 0.4}}}
+run: {end_time: 1.0}
+"""
+FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]
+
+
+def step_by_step(simulation: Simulation, time: float):
+    """Advance to `time` [s], stopping after each step to yield its length [s]."""
+    simulation.step.aim_at(time)
+    while (dt := float(simulation.state.dt.numpy()[0])) > 0.0:
+        simulation.step()
+        yield dt
+
+
+def bits(simulation: Simulation) -> dict[str, bytes]:
+    state = simulation.state
+    names = (*state.PARTICLE, *state.CLOCK, "work")
+    return {name: getattr(state, name).numpy().tobytes() for name in names}
+
+
+# ------------------------------------------------------------------------------------------------------------ order
+
+
+@pytest.mark.parametrize("overrides", [[], ["materials.water.alpha=0.1"]], ids=["ideal", "viscous"])
+def test_order_two(make_scene, device, overrides):
+    """A drop that is stretched: halving the step quarters the error against a run with 8 times finer still."""
+
+    def stretched(courant: float) -> tuple[np.ndarray, ...]:
+        scene = make_scene(DROP, f"run.courant={courant}", *overrides)
+        placement = place(scene)
+        placement = replace(placement, velocity=4.0 * placement.position * [1.0, 0.0, -1.0])
+        simulation = Simulation(scene, device, placement=placement)
+        simulation.advance(0.03)
+        drop = simulation.state.snapshot()
+        return drop.position, drop.velocity, drop.density
+
+    courant = np.array([0.5, 0.25, 0.125])
+    exact = stretched(courant[-1] / 8)
+    errors = [[np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(stretched(C), exact, strict=True)] for C in courant]
+    for error in np.transpose(errors):
+        assert np.polyfit(np.log2(courant), np.log2(error), 1)[0] == pytest.approx(2.0, abs=0.2)
+
+
+# ---------------------------------------------------------------------------------------------------- conservation
+
+
+def test_free_fall(make_scene, device):
+    """Every particle by g t^2 / 2, to 1e-6 m."""
+    simulation = Simulation(make_scene(DROP, *FALLING), device)
+    start = simulation.state.snapshot().position
+    simulation.advance(0.15)
+    assert simulation.step_count > 50
+    fallen = start - simulation.state.snapshot().position
+    np.testing.assert_allclose(fallen[:, 2], 9.81 * 0.15**2 / 2, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(fallen[:, :2], 0.0, rtol=0, atol=1e-6)
+
+
+def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device):
+    simulation = Simulation(make_collapse(), device)
+    state, mass = simulation.state, simulation.model.parameters.mass.numpy()
+
+    def momentum() -> np.ndarray:
+        return mass[state.fluid.numpy()] @ state.velocity.numpy().astype(float)
+
+    before, impulse, transferred = momentum(), np.zeros(3), 0.0
+    for dt in step_by_step(simulation, 0.2):
+        m = mass[state.fluid.numpy()].astype(float)
+        step = dt * (m.sum() * np.array([0.0, 0.0, -9.81]) + m @ state.wall_acceleration.numpy().astype(float))
+        impulse, transferred = impulse + step, transferred + np.abs(step).sum()
+    assert np.linalg.norm(momentum() - before) > 1.0  # [kg/s]
+    np.testing.assert_allclose(momentum() - before, impulse, rtol=0, atol=TOLERANCE * transferred)
+
+
+def test_mass_is_exact(make_collapse, device):
+    """Of each fluid, and of each particle: it stays what it was and keeps its fluid."""
+    simulation = Simulation(make_collapse(), device)
+    before = [motion.mass for motion in simulation.energy.measure()[1]]
+    simulation.advance(0.2)
+    assert simulation.step.neighbours.rebuilds > 10
+    after = simulation.state.snapshot()
+    np.testing.assert_array_equal(after.id, np.arange(simulation.model.particle_count))
+    np.testing.assert_array_equal(after.fluid, simulation.placement.fluid)
+    assert [motion.mass for motion in simulation.energy.measure()[1]] == pytest.approx(before, rel=1e-14)
+
+
+def test_plane_stays_plane(make_collapse, device):
+    simulation = Simulation(make_collapse(), device)
+    simulation.advance(0.1)
+    assert not simulation.state.position.numpy()[:, 1].any()
+
+
+# ------------------------------------------------------------------------------------------------------- the clock
+
+
+def test_time_and_limits_of_the_step(make_collapse, device):
+    """Targets are met exactly, and no step is above the limit of sound."""
+    simulation = Simulation(make_collapse(), device)
+    for target in (0.001, 0.0123, 1 / 30, 0.05):
+        steps = list(step_by_step(simulation, target))
+        assert simulation.time == target
+        assert steps and max(steps) <= 0.5 * 0.03 / 30.0 * (1 + TOLERANCE)
+    simulation.advance(0.05)
+    assert simulation.time == 0.05
+
+
+# ------------------------------------------------------------------------------------------------ neighbour lists
+
+
+def test_lists_hold_every_pair_within_the_support(make_collapse, device):
+    """At the end of every step, though they are built anew only when something has moved far."""
+    simulation = Simulation(make_collapse(), device)
+    model, neighbours, steps = simulation.model, simulation.step.neighbours, 0
+    support = SMOOTHING["wendland_c2"].support * model.parameters.smoothing_length
+    built = neighbours.rebuilds
+    for _ in step_by_step(simulation, 0.25):
+        steps += 1
+        if steps % 5:
+            continue
+        x = simulation.state.position_volume.numpy()[:, :3].astype(float)
+        near = np.linalg.norm(x[:, None] - x, axis=2) < support
+        np.fill_diagonal(near, False)
+        p, count, entries = model.parameters, neighbours.count.numpy(), neighbours.list.numpy()
+        for i in range(len(x)):
+            row = entries[i * p.row_stride + np.arange(count[i]) * p.column_stride]
+            near[i, row] = False
+        assert not near.any()
+    assert 0 < neighbours.rebuilds - built < steps / 2
+
+
+def test_lists_that_grow_on_the_way(make_collapse, device, monkeypatch):
+    """A row that becomes too short is found, and the steps that follow read the longer one: the same bits."""
+    runs, capacities = [], []
+    for room in (warpsph.model.ROOM, 0.97):  # with room for the lattice at the start, and no more
+        monkeypatch.setattr(warpsph.model, "ROOM", room)
+        simulation = Simulation(make_collapse(), device)
+        for time in (0.0, 0.2):
+            simulation.advance(time)
+            capacities.append(simulation.model.parameters.list_capacity)
+        runs.append(bits(simulation))
+    assert capacities[0] == capacities[1] and capacities[2] < capacities[3]
+    assert runs[0] == runs[1]
+
+
+# ------------------------------------------------------------------------------------------------ reproducibility
+
+
+@pytest.mark.parametrize("overrides", [[], ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]])
+def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, overrides):
+    runs = []
+    for threads in (1, 2, 1, 3):
+        simulation = Simulation(make_collapse(*overrides), device, threads)
+        simulation.advance(0.08)
+        runs.append(bits(simulation))
+    assert runs[0] == runs[1] == runs[2] == runs[3]
