@@ -101,13 +101,14 @@ def kick_and_drift(
     wall_distance: wp.array[float],
     xsph_velocity: wp.array[wp.vec3],
     density: wp.array[wp.float64],
+    density_rate: wp.array[float],
     fluid: wp.array[int],
     listed_position: wp.array[wp.vec3],
     position_inout: wp.array[wp.vec3d],
     velocity_inout: wp.array[wp.vec3],
     work_inout: wp.array[wp.vec3d],
-    position_volume_inout: wp.array[wp.vec4],
-    velocity_pressure_inout: wp.array[wp.vec4],
+    position_volume_out: wp.array[wp.vec4],
+    velocity_pressure_out: wp.array[wp.vec4],
     acceleration_out: wp.array[wp.vec3],
     dt_limit_out: wp.array[float],
     moved_out: wp.array[float],
@@ -139,8 +140,11 @@ def kick_and_drift(
     position_inout[i] = x
     velocity_inout[i] = u
     x_rounded = wp.vec3(x)
-    position_volume_inout[i] = wp.vec4(x_rounded[0], x_rounded[1], x_rounded[2], position_volume_inout[i][3])
-    velocity_pressure_inout[i] = wp.vec4(u[0], u[1], u[2], velocity_pressure_inout[i][3])
+    # Density at n+1, predicted with the last rate: continuity at second order needs volumes of its own instant.
+    rho = density[i] + wp.float64(0.5 * step * density_rate[i])
+    p = pressure(rho, parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f])
+    position_volume_out[i] = wp.vec4(x_rounded[0], x_rounded[1], x_rounded[2], m / float(rho))
+    velocity_pressure_out[i] = wp.vec4(u[0], u[1], u[2], p)
     acceleration_out[i] = a
 
     c = parameters.sound_speed[f]

@@ -38,6 +38,5 @@ class Parameters:
     stiffening: wp.array[float]  # 1: Tait, 0: linear state equation
     alpha: wp.array[float]  # artificial viscosity
     wall_alpha: wp.array[float]  # artificial viscosity against walls, divided by beta
-    wall_friction: wp.array[float]  # Coulomb's coefficient against walls
     mobility: wp.array[float]  # 1: free, 0: held at its gate
     still_level: wp.array[float]  # level at which the fluid rests; -inf: it does not rest [m]

@@ -65,13 +65,17 @@ def cubic_spline_slope(q: float) -> float:
 @wp.func
 def gaussian(q: float) -> float:
     """w = exp(-q^2), cut at q = 3: Vasco (2014) eq 30 with the constant of two or three dimensions."""
-    return wp.where(q < 3.0, wp.exp(-q * q), 0.0)
+    if q < 3.0:
+        return wp.exp(-q * q)
+    return 0.0
 
 
 @wp.func
 def gaussian_slope(q: float) -> float:
     """s = -2 exp(-q^2), cut at q = 3: Vasco (2014) eq 31."""
-    return wp.where(q < 3.0, -2.0 * wp.exp(-q * q), 0.0)
+    if q < 3.0:
+        return -2.0 * wp.exp(-q * q)
+    return 0.0
 
 
 # What is left of a Gaussian after the cut: in the plane 1 - exp(-9), in space erf(3) - 6 exp(-9) / sqrt(pi).

@@ -22,7 +22,7 @@ def pressure(density: wp.float64, rest_density: float, sound_speed: float, stiff
 def density_of(p: float, rest_density: float, sound_speed: float, stiffening: float) -> wp.float64:
     """Density [kg/m3] from pressure [Pa]: the inverse of `pressure`."""
     compression = wp.float64(p / (sound_speed * sound_speed * rest_density))
-    tait = wp.pow(wp.float64(1.0) + wp.float64(7.0) * compression, wp.float64(1.0 / 7.0))
+    tait = wp.pow(wp.float64(1.0) + wp.float64(7.0) * compression, wp.float64(1.0) / wp.float64(7.0))
     return wp.float64(rest_density) * wp.where(stiffening > 0.5, tait, wp.float64(1.0) + compression)
 
 
@@ -37,6 +37,6 @@ def internal_energy(density: wp.float64, rest_density: float, sound_speed: float
     c2 = wp.float64(sound_speed) * wp.float64(sound_speed)
     x = density / wp.float64(rest_density)
     x3 = x * x * x
-    tait = (x3 * x3 / wp.float64(6.0) + one / x - wp.float64(7.0 / 6.0)) / wp.float64(7.0)
+    tait = (x3 * x3 / wp.float64(6.0) + one / x - wp.float64(7.0) / wp.float64(6.0)) / wp.float64(7.0)
     linear = wp.log(x) + one / x - one
     return c2 * wp.where(stiffening > 0.5, tait, linear)

@@ -25,24 +25,11 @@ def radial(parameters: Parameters, c: float, r: float) -> float:
 WALL_FORCE: Mapping[str, wp.Function] = {"radial": radial}
 
 
-@wp.func
-def coulomb(push: wp.vec3, u: wp.vec3, mu: float, c: float) -> wp.vec3:
-    """Dry friction [m/s2] of a wall that pushes with `push`: mu |push| against the velocity along the wall.
-
-    Below a slip of c / 500 it fades to zero with the velocity, so that what rests is not shaken by its own friction.
-    """
-    square = wp.max(wp.dot(push, push), 1.0e-12)
-    slip = u - wp.dot(u, push) / square * push
-    slow = c / 500.0
-    return -mu * wp.sqrt(square) / wp.sqrt(wp.dot(slip, slip) + slow * slow) * slip
-
-
 @cache
 def wall_acceleration_kernel(force: str, smoothing: str) -> wp.Kernel:
     """The loop over wall points.
 
-    Vasco (2014) eq 63:  du_i/dt = sum_k (f_ik - m_k Pi_ik grad_i W_ik), with m_k = m_i, rho_k = rho_i and Pi of eq 61;
-    and Coulomb's friction, mu times the sum of f_ik, for material that rubs rather than flows.
+    Vasco (2014) eq 63:  du_i/dt = sum_k (f_ik - m_k Pi_ik grad_i W_ik), with m_k = m_i, rho_k = rho_i and Pi of eq 61.
     """
     law = WALL_FORCE[force]
     slope = SMOOTHING[smoothing].slope
@@ -67,18 +54,16 @@ def wall_acceleration_kernel(force: str, smoothing: str) -> wp.Kernel:
         c = parameters.sound_speed[fluid[i]]
         friction = parameters.wall_alpha[fluid[i]] * c
 
-        push = wp.vec3()
-        drag = wp.vec3()
+        by_wall = wp.vec3()
         nearest = parameters.list_radius
         for n in range(wall_first[i], wall_first[i + 1]):
             x_ik = x_i - wall_position[wall_list[n]]
             r = wp.sqrt(wp.dot(x_ik, x_ik))
             P_ik = -friction * wp.dot(u_i, x_ik) / wp.max(r, 1.0e-9)
-            push += law(parameters, c, r) * x_ik
-            drag -= xV_i[3] * P_ik * parameters.gradient_norm * slope(r * parameters.inverse_h) * x_ik
+            by_wall += law(parameters, c, r) * x_ik
+            by_wall -= xV_i[3] * P_ik * parameters.gradient_norm * slope(r * parameters.inverse_h) * x_ik
             nearest = wp.min(nearest, r)
-        rub = coulomb(push, u_i, parameters.wall_friction[fluid[i]], c)
-        wall_acceleration_out[i] = push + drag + rub
+        wall_acceleration_out[i] = by_wall
         wall_distance_out[i] = nearest
 
     return wall_acceleration

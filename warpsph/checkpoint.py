@@ -46,5 +46,5 @@ def read_checkpoint(folder: Path, state: State) -> None:
                 if arrays[name].shape != array.numpy().shape:
                     raise CheckpointError(f"{paths[-1]}: made by another scene (its '{name}' has another shape)")
                 array.assign(arrays[name])
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise CheckpointError(f"{paths[-1]}: not a checkpoint that can be read ({error})") from None

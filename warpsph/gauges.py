@@ -16,10 +16,9 @@ class Gauges:
     """The level at each gauge of a scene: where the volume fraction crosses one half, coming down from above."""
 
     def __init__(self, model: Model, state: State, neighbours: Neighbours) -> None:
-        gauges, walls = model.scene.gauges, model.wall_position.numpy()
+        gauges, floor = model.scene.gauges, model.ground
         self.names = [gauge.name for gauge in gauges]
         self._step = 0.5 * model.spacing
-        floor = min([*walls[:, 2], model.initial_position[:, 2].min()])
         # As high as the fluid could ever rise without energy from outside, and half as much again.
         top = floor + 1.5 * (model.initial_position[:, 2].max() - floor) + 4.0 * model.spacing
         self._heights = [

@@ -29,6 +29,7 @@ class Model:
         initial_velocity: [m/s], shape [particle_count, 3].
         initial_density: [kg/m3], hydrostatic below each fluid's top, shape [particle_count].
         initial_fluid: Index into `scene.fluids`, shape [particle_count].
+        ground: Height of the lowest point of the walls [m].
         wall_position: Wall points [m], on the device, shape [wall_count].
     """
 
@@ -42,6 +43,7 @@ class Model:
         self.initial_position = placement.position
         self.initial_velocity = placement.velocity
         self.initial_fluid = placement.fluid
+        self.ground = placement.ground
         self.initial_density = hydrostatic_density(materials, placement, scene.gravity)
         self.fluid_names = [fluid.name for fluid in scene.fluids]
         self.spacing = scene.spacing
@@ -89,7 +91,6 @@ class Model:
         p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])
         p.alpha = table([material.alpha for material in materials])
         p.wall_alpha = table([material.wall_alpha / points for material in materials])
-        p.wall_friction = table([material.wall_friction for material in materials])
         p.still_level = table([fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids])
         p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
         return p
@@ -111,7 +112,12 @@ class Model:
 
 
 def domain(placement: Placement, margin: float) -> tuple[wp.vec3, wp.vec3]:
-    """The box that no particle may leave: the walls' own, `margin` wider [m], without a lid. A plane scene is flat."""
+    """The box that no particle may leave: around walls and fluid, `margin` wider [m], without a lid.
+
+    A scene without walls has no box.
+    """
+    if not len(placement.wall_position):
+        return wp.vec3(-math.inf), wp.vec3(math.inf)
     points = np.concatenate([placement.wall_position, placement.position])
     lower, upper = points.min(axis=0) - margin, points.max(axis=0) + margin
     upper[2] = np.inf

@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 
 
+TIME_ROUNDING = 1e-6  # Times are written with six digits behind the point. [s]
+
+
 class Record:
     """One CSV file whose first column is time [s]."""
 
@@ -15,7 +18,7 @@ class Record:
         rows: list[list[str]] = []
         if resume_at is not None and path.exists():
             with path.open(newline="") as file:
-                rows = [row for row in list(csv.reader(file))[1:] if row and float(row[0]) < resume_at - 1e-9]
+                rows = [row for row in list(csv.reader(file))[1:] if row and float(row[0]) < resume_at - TIME_ROUNDING]
         self._file = path.open("w", newline="", buffering=1)
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerows([["time [s]", *columns], *rows])

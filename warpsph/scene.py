@@ -113,9 +113,6 @@ class Material(Part):
     wall_alpha: NotNegative = Field(
         0.0, description="Coefficient of the artificial viscosity against walls [-]; 0 lets the fluid slip freely."
     )
-    wall_friction: NotNegative = Field(
-        0.0, description="Coefficient of dry (Coulomb) friction on walls [-], for broken rock; 0 for liquids."
-    )
     color: Annotated[str, Field(pattern=COLOR)] | None = Field(
         None, description='Colour in pictures, as "#rrggbb" [-]; from a palette when absent.'
     )

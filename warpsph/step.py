@@ -22,6 +22,7 @@ class Step:
         self._relist()
         self._record()
         self.renew_lists()
+        self._density_rate()  # the first half step needs a rate too, or the whole run is of first order
 
     def __call__(self) -> None:
         """Advance by one step of length `state.dt`."""
@@ -86,7 +87,7 @@ class Step:
         self._kick_and_drift = record(
             integrators.kick_and_drift,
             *(p, s.dt, s.damping, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
-            *(s.wall_distance, s.xsph_velocity, s.density, s.fluid, n.position),
+            *(s.wall_distance, s.xsph_velocity, s.density, s.density_rate, s.fluid, n.position),
             *(s.position, s.velocity, s.work, s.position_volume, s.velocity_pressure, s.acceleration),
             *(s.particle_dt_limit, s.particle_moved, s.particle_speed, s.particle_fault),
         )

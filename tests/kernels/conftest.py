@@ -87,7 +87,6 @@ class Cloud:
             "stiffening": [1.0, 1.0],
             "alpha": ALPHA,
             "wall_alpha": [0.0, 0.0],
-            "wall_friction": [0.0, 0.0],
             "mobility": [1.0, 1.0],
             "still_level": [-math.inf, -math.inf],
         }

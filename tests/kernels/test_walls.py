@@ -132,31 +132,6 @@ def test_sliding_is_slowed_along_the_wall(push):
     assert abs(drag[2]) < 1e-3 * abs(drag[0])
 
 
-def test_dry_friction_is_coulomb(push):
-    """mu times the push, against the slip, whatever its speed: once that is far above c / 500."""
-    mu, heights = 0.4, np.linspace(0.04, 0.2, 9)
-    for slip in (-8.0, 2.0, 4.0):
-        u = [slip, 0.0, 1.5]  # away from the wall as well, which does not rub
-        held, _, _ = push(above(*heights), u=u)
-        rubbed, _, _ = push(above(*heights), u=u, wall_friction=[mu, mu])
-        drag = rubbed - held
-        np.testing.assert_allclose(drag[:, 0], -np.sign(slip) * mu * held[:, 2], rtol=1e-3)
-        assert np.abs(drag[:, 2]).max() < 1e-4 * np.abs(drag[:, 0]).max()
-
-
-def test_dry_friction_fades_with_the_slip(push):
-    """Below c / 500 = 0.04 m/s in proportion to it, and what rests or moves straight off the wall is not rubbed."""
-    (push_up,), _, _ = push(above(0.05))
-    found = []
-    for slip in (0.0, 1e-4, 2e-4, 0.04):
-        (rubbed,), _, _ = push(above(0.05), u=[slip, 0.0, 1.0], wall_friction=[0.4, 0.0])
-        found.append((rubbed - push_up)[0])
-    at_rest, slow, twice, knee = found
-    assert abs(at_rest) < 1e-3 * abs(knee)
-    assert twice - at_rest == pytest.approx(2.0 * (slow - at_rest), rel=0.01)
-    assert knee == pytest.approx(-0.4 * push_up[2] / np.sqrt(2.0), rel=0.01)
-
-
 def test_holds_light_and_heavy_fluids_alike(push):
     """A wall point counts as heavy as the particle that it pushes: acceleration by c^2 alone, whatever the density."""
     acceleration, _, cloud = push(above(0.05, 0.05), fluid=[0, 1])
