@@ -42,7 +42,7 @@ def test_damping_is_in_the_budget(make_collapse, device):
 
 def test_walls_give_back_what_they_take(make_collapse, device):
     """A wall that stands still has a potential: without XSPH its work is what that loses, and nothing more."""
-    simulation = Simulation(make_collapse("xsph=0.0"), device)
+    simulation = Simulation(make_collapse("xsph=0.0", "run.courant=0.25"), device)
     model, state = simulation.model, simulation.state
     m, c = (a.numpy().astype(float) for a in (model.parameters.mass, model.parameters.sound_speed))
 

@@ -12,14 +12,15 @@ class Progress:
         start, end: Simulated time at which the run begins and ends [s].
         particle_count: Fluid particles, for the rate.
         steps: Steps done before.
-        stream: Where to tell it; a bar only if that is a terminal.
+        stream: Where to tell it, the standard error by default; a bar only if that is a terminal.
     """
 
-    def __init__(self, start: float, end: float, particle_count: int, steps: int, stream: TextIO = sys.stderr) -> None:
-        self._start, self._end, self._count, self._stream = start, end, particle_count, stream
+    def __init__(self, start: float, end: float, particle_count: int, steps: int, stream: TextIO | None = None) -> None:
+        self._start, self._end, self._count = start, end, particle_count
+        self._stream = sys.stderr if stream is None else stream
         self._began = self._told = time.perf_counter()
         self._steps_before = steps
-        self._is_terminal = stream.isatty()
+        self._is_terminal = self._stream.isatty()
         self._told_share = 0.0
 
     def update(self, simulated: float, steps: int) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-
 TIME_ROUNDING = 1e-6  # Times are written with six digits behind the point. [s]
 
 

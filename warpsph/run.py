@@ -86,9 +86,9 @@ class Run:
             (folder / name).mkdir(parents=True, exist_ok=True)
         (folder / "STOP").unlink(missing_ok=True)
         (folder / "scene.yaml").write_text(scene.resolved_yaml(), encoding="utf-8")
-        handler = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
-        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
-        log.addHandler(handler)
+        self._log_file = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
+        self._log_file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+        log.addHandler(self._log_file)
 
         now = self.simulation.time
         self._samples = Ticks(scene.output.samples_per_second, now)
@@ -143,6 +143,8 @@ class Run:
         if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
             write_checkpoint(self.folder / "checkpoints", simulation.state)
         log.info("%s %s", outcome, why)
+        log.removeHandler(self._log_file)
+        self._log_file.close()
         facts = self._facts(outcome, why)
         facts["speed"] = {
             "steps": simulation.step_count - first_step,

@@ -35,6 +35,7 @@ KICK = {
     "wall_distance": float,
     "xsph_velocity": wp.vec3,
     "density": wp.float64,
+    "density_rate": float,
     "fluid": int,
     "listed_position": wp.vec3,
     "position": wp.vec3d,
@@ -122,6 +123,8 @@ def test_second_half_is_eq_78_and_79(launch):
         pressure_acceleration=[1.0, 0.0, 0.0],
         dissipative_acceleration=[0.0, 0.0, 2.0],
         wall_acceleration=[0.0, 0.0, 5.0],
+        density=1010.0,
+        density_rate=50.0,
         numbers={"gravity": wp.vec3(0.0, 0.0, -9.0)},
     )
     a = np.array([1.0, 0.0, -2.0])
@@ -131,6 +134,12 @@ def test_second_half_is_eq_78_and_79(launch):
         np.testing.assert_allclose(after[name][0], value, rtol=TOLERANCE)
     np.testing.assert_allclose(after["velocity_pressure"][0, :3], u, rtol=TOLERANCE)
     np.testing.assert_allclose(after["position_volume"][0, :3], x, rtol=TOLERANCE)
+    # Continuity reads volume and pressure at the end of the step too, predicted with the last rate.
+    rho = 1010.0 + 0.01 * 50.0
+    pressure = SOUND_SPEED**2 * 1000.0 / 7 * ((rho / 1000.0) ** 7 - 1)
+    assert after["position_volume"][0, 3] == pytest.approx(1000.0 * SPACING**2 / rho, rel=TOLERANCE)
+    assert after["velocity_pressure"][0, 3] == pytest.approx(pressure, rel=TOLERANCE)
+    assert after["density"][0] == 1010.0
     assert after["speed"][0] == pytest.approx(np.linalg.norm(u), rel=TOLERANCE)
     assert after["moved"][0] == pytest.approx(np.linalg.norm(x), rel=TOLERANCE)  # it was listed at the origin
 

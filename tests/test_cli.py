@@ -1,0 +1,143 @@
+"""The command line: what each command leaves behind, and one clear line and a code for each mistake."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from warpsph.cli import BLOWN_UP, INPUT, OK, SCENES, main
+from warpsph.records import read_record
+from warpsph.usd_check import check_cache
+
+# A landslide that takes a second: a fifth of the resolution, a twentieth of the time.
+COARSE = ["--set", "spacing=0.025", "--set", "warm_up.duration=0.02", "--until", "0.1"]
+LANDSLIDE = str(SCENES / "landslide.yaml")
+
+
+def run(*arguments: object) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "landslide"
+    assert run("scene", LANDSLIDE, *COARSE, "--out", folder) == OK
+    return folder
+
+
+@pytest.mark.parametrize("scene", sorted(SCENES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_each_scene_that_ships_runs(scene, tmp_path, capsys):
+    assert run("check", scene) == OK
+    assert "first dt" in capsys.readouterr().out
+    assert run("scene", scene, *COARSE, "--out", tmp_path / "run", "--set", "output.pictures=false") == OK
+    facts = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert facts["outcome"] == "done"
+    assert facts["time [s]"] == 0.1
+    assert facts["conservation"]["mass / mass placed"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_run_folder_holds_what_the_readme_says(finished):
+    records = ["energy.csv", "gauges/g17.csv", "fluids/slide.csv"]
+    for name in ["scene.yaml", "run.json", "log.txt", "report.html", *records]:
+        assert (finished / name).stat().st_size > 0, name
+    assert len(list((finished / "preview").glob("frame.*.png"))) == 4  # t = 0, 1/30, 2/30, 3/30
+    assert list((finished / "preview").glob("animation.*")) and (finished / "preview" / "gauges.png").exists()
+    assert list((finished / "checkpoints").glob("*.npz"))
+    assert check_cache(finished / "usd") == []
+    time_column = read_record(finished / "energy.csv")["time [s]"]
+    assert (time_column[0], time_column[-1], len(time_column)) == (0.0, 0.1, 21)
+
+
+def test_resume_goes_on_to_a_later_end_with_the_same_bits(finished, tmp_path):
+    first, whole = tmp_path / "first", tmp_path / "whole"
+    often = [*COARSE, "--set", "output.checkpoint_every=0.05"]
+    assert run("scene", LANDSLIDE, *often, "--out", first, "--until", 0.05) == OK
+    assert run("resume", first, "--until", 0.1) == OK
+    assert run("scene", LANDSLIDE, *often, "--out", whole) == OK
+    for name in ("energy.csv", "gauges/g17.csv", "fluids/slide.csv", "usd/frames/fluid.00003.usdc"):
+        assert (first / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def test_stop_file_ends_a_run(tmp_path):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "warpsph", "scene", LANDSLIDE, *COARSE, "--until", "1000", "--out", str(folder)]
+    with subprocess.Popen(command, cwd=SCENES.parent, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        _wait_for(lambda: (folder / "usd" / "frames" / "fluid.00001.usdc").exists(), process)
+        (folder / "STOP").touch()
+        assert process.wait(30) == OK
+    assert json.loads((folder / "run.json").read_text())["outcome"] == "stopped"
+
+
+def test_cache_of_a_killed_run_holds_every_finished_frame(tmp_path):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "warpsph", "scene", LANDSLIDE, *COARSE, "--until", "1000", "--out", str(folder)]
+    with subprocess.Popen(command, cwd=SCENES.parent, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        _wait_for(lambda: (folder / "usd" / "frames" / "fluid.00003.usdc").exists(), process)
+        os.kill(process.pid, signal.SIGKILL)
+    assert check_cache(folder / "usd") == []
+
+
+def _wait_for(is_there, process: subprocess.Popen) -> None:
+    deadline = time.monotonic() + 60.0
+    while not is_there():
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_report_can_be_written_again(finished, capsys):
+    (finished / "report.html").unlink()
+    assert run("report", finished) == OK
+    assert (finished / "report.html").exists()
+
+
+def test_scenes_and_cases_are_listed(capsys):
+    assert run("list") == OK and run("validate", "--list") == OK
+    listed = capsys.readouterr().out
+    assert listed.count("landslide_0200") == 2 and "still_water" in listed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["scene", "nowhere.yaml"], "nowhere.yaml: no such file"),
+        (["scene", LANDSLIDE, "--set", "spacing=-1"], "--set spacing=-1: spacing: must be more than 0, not -1"),
+        (["scene", LANDSLIDE, "--set", "fluids[1].fill.level=-5"], "nowhere below the level"),
+        (["scene", LANDSLIDE, "--set", "materials.water.sound_speed=3"], "m/s is needed"),
+        (["scene", LANDSLIDE, "--device", "cuda:7"], "no device named 'cuda:7' here"),
+        (["resume", "nowhere"], "nowhere: not a run folder"),
+        (["report", "nowhere"], "nowhere: not a finished run"),
+        (["validate", "landslde"], "no validation case named 'landslde'"),
+    ],
+)
+def test_mistake_is_one_line_and_writes_nothing(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments) == INPUT
+    complaint = capsys.readouterr().err.strip()
+    assert words in complaint and "\n" not in complaint
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_run_is_not_overwritten_unasked(finished, tmp_path, capsys):
+    before = (finished / "run.json").read_bytes()
+    assert run("scene", LANDSLIDE, *COARSE, "--out", finished) == INPUT
+    assert "--overwrite" in capsys.readouterr().err
+    assert (finished / "run.json").read_bytes() == before
+    (tmp_path / "letter.txt").write_text("not a run")
+    assert run("scene", LANDSLIDE, *COARSE, "--out", tmp_path, "--overwrite") == INPUT
+    assert "holds no run" in capsys.readouterr().err
+
+
+def test_blow_up_is_told_and_keeps_the_last_good_frame(tmp_path, capsys):
+    slow = ["materials.water.sound_speed=1.6", "materials.slide.sound_speed=1.6", "allow=[low_sound_speed]"]
+    overrides = [word for field in slow for word in ("--set", field)]
+    folder = tmp_path / "run"
+    assert run("scene", LANDSLIDE, *COARSE, *overrides, "--until", "1", "--out", folder) == BLOWN_UP
+    told = capsys.readouterr().err.strip().splitlines()[-1]
+    assert told.startswith("blew up: particle ") and " at t = " in told and "x = " in told
+    assert json.loads((folder / "run.json").read_text())["outcome"] == "blew up"
+    assert check_cache(folder / "usd") == []
