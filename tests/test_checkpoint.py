@@ -37,9 +37,7 @@ def advance(simulation: Simulation, time: float) -> None:
 
 
 def everything(simulation: Simulation) -> dict[str, bytes]:
-    return {
-        name: getattr(simulation.state, name).numpy().tobytes() for name in (*State.PARTICLE, *State.CLOCK, "work")
-    }
+    return {name: getattr(simulation.state, name).numpy().tobytes() for name in (*State.PARTICLE, *State.CLOCK, "work")}
 
 
 def resumed(simulation: Simulation, folder) -> Simulation:

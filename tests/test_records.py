@@ -96,7 +96,9 @@ def test_crest_of_a_rough_record():
     assert level.max() - level[0] > 0.0205
 
 
-@pytest.mark.parametrize("level", [[1.0, 1.1, 1.3, 1.6], [1.6, 1.3, 1.1, 1.0], [1.0, 1.0, 1.0, 1.0], [1.0, 2.0, 1.0, 1.0]])
+@pytest.mark.parametrize(
+    "level", [[1.0, 1.1, 1.3, 1.6], [1.6, 1.3, 1.1, 1.0], [1.0, 1.0, 1.0, 1.0], [1.0, 2.0, 1.0, 1.0]]
+)
 def test_crest_without_enough_around_it_is_the_highest_sample(level):
     time, level = np.arange(4.0), np.array(level)
     top = np.argmax(level)

@@ -195,9 +195,7 @@ def test_not_a_number_is_found_at_once(make_collapse, device):
 def test_sound_that_is_too_slow_blows_up(make_collapse, device):
     """And the message tells who, when, what, where, how fast and how dense."""
     simulation = Simulation(
-        make_collapse(
-            "materials.water.sound_speed=1.0", "materials.brine.sound_speed=1.0", "allow=[low_sound_speed]"
-        ),
+        make_collapse("materials.water.sound_speed=1.0", "materials.brine.sound_speed=1.0", "allow=[low_sound_speed]"),
         device,
     )
     with pytest.raises(BlowUpError) as caught:
@@ -231,7 +229,7 @@ def test_without_walls_there_is_nothing_to_leave(make_scene, device):
     ],
 )
 def test_every_formula_runs(make_collapse, device, smoothing, viscosity, diffusion, tensile):
-    """A tenth of a second of a collapse, in which the front advances as it does: x = 0.3 m + sqrt(g H) t at most twice."""
+    """A tenth of a second of a collapse; its front runs, and not faster than the 2 sqrt(g H) of a dam break."""
     scene = make_collapse(
         f"smoothing.kernel={smoothing}",
         f"viscosity={viscosity}",

@@ -58,9 +58,23 @@ def bits(simulation: Simulation) -> dict[str, bytes]:
 # ------------------------------------------------------------------------------------------------------------ order
 
 
-@pytest.mark.parametrize("overrides", [[], ["materials.water.alpha=0.1"]], ids=["ideal", "viscous"])
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        [],
+        ["materials.water.state_equation=linear"],
+        ["materials.water.alpha=0.1"],
+        ["tensile_correction=true"],
+        ["density_diffusion={model: fourtakas, delta: 0.1}"],
+        ["xsph=0.5"],
+    ],
+    ids=["tait", "linear", "viscosity", "tensile correction", "diffusion", "xsph"],
+)
 def test_order_two(make_scene, device, overrides):
-    """A drop that is stretched: halving the step quarters the error against a run with 8 times finer still."""
+    """A drop that is stretched: halving the step quarters the error against a run with steps 8 times finer still.
+
+    Only the places of particles under XSPH, which drift with the correction of the step before, are of order one.
+    """
 
     def stretched(courant: float) -> tuple[np.ndarray, ...]:
         scene = make_scene(DROP, f"run.courant={courant}", *overrides)
@@ -74,8 +88,9 @@ def test_order_two(make_scene, device, overrides):
     courant = np.array([0.5, 0.25, 0.125])
     exact = stretched(courant[-1] / 8)
     errors = [[np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(stretched(C), exact, strict=True)] for C in courant]
-    for error in np.transpose(errors):
-        assert np.polyfit(np.log2(courant), np.log2(error), 1)[0] == pytest.approx(2.0, abs=0.2)
+    position, *others = np.polyfit(np.log2(courant), np.log2(errors), 1)[0]
+    assert others == pytest.approx([2.0, 2.0], abs=0.2)
+    assert position > 0.8 if overrides == ["xsph=0.5"] else position == pytest.approx(2.0, abs=0.2)
 
 
 # ---------------------------------------------------------------------------------------------------- conservation
@@ -144,7 +159,7 @@ def test_time_and_limits_of_the_step(make_collapse, device):
 
 
 def test_lists_hold_every_pair_within_the_support(make_scene, device):
-    """At the end of every step while two drops collide, though they are built anew only when something has moved far."""
+    """At the end of every step while two drops collide, though lists are built anew only after some motion."""
     simulation = Simulation(make_scene(COLLISION), device)
     p, neighbours = simulation.model.parameters, simulation.step.neighbours
     support = SMOOTHING["wendland_c2"].support * p.smoothing_length

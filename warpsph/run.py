@@ -31,11 +31,11 @@ class FolderError(Exception):
 
 
 class Ticks:
-    """Times k / rate, k = 0, 1, ..., from `after` on."""
+    """Times k / rate, k whole, from `after` on."""
 
     def __init__(self, rate: float, after: float) -> None:
         self._rate = rate
-        self.index = max(0, math.ceil(after * rate - 1e-6))
+        self.index = math.ceil(after * rate - 1e-6)
 
     @property
     def next(self) -> float:
@@ -92,7 +92,7 @@ class Run:
 
         now = self.simulation.time
         self._samples = Ticks(scene.output.samples_per_second, now)
-        self._frames = Ticks(scene.output.frames_per_second, now)
+        self._frames = Ticks(scene.output.frames_per_second, max(now, 0.0))
         self._checkpoints = Ticks(1.0 / scene.output.checkpoint_every, now)
         self._records = self._open_records(now if resume else None)
         self._outputs = Outputs(scene, self.simulation, folder, self._frames.index if resume else None)
@@ -177,7 +177,8 @@ class Run:
         if self._checkpoints.take(now):
             simulation.step.renew_lists()
             write_checkpoint(self.folder / "checkpoints", simulation.state)
-        if self._samples.take(now):
+        # The warm-up is stepped from sample to sample too, for the sake of its progress, but nothing of it is recorded.
+        if self._samples.take(now) and now >= 0.0:
             budget, motions = simulation.energy.measure()
             self._records["energy"].write(now, [*budget.parts(), budget.total])
             for name, level in zip(simulation.gauges.names, simulation.gauges.levels(), strict=True):
