@@ -204,7 +204,7 @@ def watch_blocks(
 @wp.func
 def aim(time: wp.float64, target: wp.float64, dt_limit: float) -> float:
     """The next step: the limit, shortened so that a whole number of equal steps ends at the target."""
-    remaining = float(target - time)
+    remaining = wp.max(float(target - time), 0.0)
     return remaining / wp.max(wp.ceil(remaining / dt_limit), 1.0)
 
 

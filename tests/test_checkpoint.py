@@ -37,7 +37,7 @@ def advance(simulation: Simulation, time: float) -> None:
 
 
 def everything(simulation: Simulation) -> dict[str, bytes]:
-    return {name: getattr(simulation.state, name).numpy().tobytes() for name in (*State.PARTICLE, *State.CLOCK, "work")}
+    return {name: getattr(simulation.state, name).numpy().tobytes() for name in State.KEPT}
 
 
 def resumed(simulation: Simulation, folder) -> Simulation:
@@ -45,7 +45,7 @@ def resumed(simulation: Simulation, folder) -> Simulation:
     new = Simulation(simulation.scene, str(simulation.launcher.device))
     read_checkpoint(folder, new.state)
     new.enter_phase()
-    new.step.renew_lists()
+    new.step.resume()
     return new
 
 
@@ -61,7 +61,6 @@ def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
     whole = Simulation(make_collapse(), device)
     for time in (0.05, 0.1):
         whole.advance(time)
-        whole.step.renew_lists()
         write_checkpoint(tmp_path, whole.state)
         if time == 0.05:
             part = resumed(whole, tmp_path)
@@ -70,7 +69,6 @@ def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
 
     (tmp_path / "again").mkdir()
     part.advance(0.1)
-    part.step.renew_lists()
     write_checkpoint(tmp_path / "again", part.state)
     again = resumed(part, tmp_path / "again")
     for other in (part, again):
@@ -84,7 +82,6 @@ def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
 def test_goes_on_in_any_phase(make_scene, device, tmp_path, time):
     whole = Simulation(make_scene(HELD), device)
     advance(whole, time)
-    whole.step.renew_lists()
     write_checkpoint(tmp_path, whole.state)
     part = resumed(whole, tmp_path)
     for simulation in (whole, part):

@@ -448,7 +448,7 @@ def test_a_bed_between_walls_of_other_names_does_not_leak():
         (
             make(fluids=[shaped({"box": {"min": [1.0, 0.0], "max": [1.18, 1.0]}})]),
             "fluids[0].shape: 20 cells of the lattice cover 11.1% more than its area of 0.18 m2; "
-                "its particles are made lighter",
+            "its particles are made lighter",
         ),
     ],
 )

@@ -44,16 +44,16 @@ def test_record_without_rows(path):
     assert [len(column) for column in read_record(path).values()] == [0, 0]
 
 
-@pytest.mark.parametrize("killed_at", [10, 11, 17])
+@pytest.mark.parametrize("killed_at", [11, 12, 17])
 def test_resumed_record_is_the_whole_one(path, tmp_path, killed_at):
-    """Rows after the checkpoint, which the killed run wrote, are written again and not twice."""
+    """Rows after the checkpoint, which the killed run wrote, are written again and not twice; that at it is kept."""
     times, checkpoint = np.arange(20) / 30, 10
     whole = Record(tmp_path / "whole.csv", ["a", "b"])
     fill(whole, times)
     killed = Record(path, ["a", "b"])
     fill(killed, times[:killed_at])
     resumed = Record(path, ["a", "b"], resume_at=times[checkpoint])
-    fill(resumed, times[checkpoint:])
+    fill(resumed, times[checkpoint + 1 :])
     for record in (whole, killed, resumed):
         record.close()
     assert path.read_text() == (tmp_path / "whole.csv").read_text()

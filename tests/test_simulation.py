@@ -125,7 +125,6 @@ def test_energy_budget_begins_at_the_release(warming):
 def test_snapshot_is_in_the_order_of_ids(make_collapse, device):
     simulation = Simulation(make_collapse(), device)
     simulation.advance(0.1)
-    simulation.step.renew_lists()
     state, snapshot = simulation.state, simulation.state.snapshot()
     assert np.any(state.id.numpy() != np.arange(300)), "no particle has changed its slot"
     np.testing.assert_array_equal(snapshot.id, np.arange(300))
@@ -138,7 +137,7 @@ def test_snapshot_is_in_the_order_of_ids(make_collapse, device):
 def test_pressure_on_the_host_is_that_of_the_kernels(make_collapse, device):
     simulation = Simulation(make_collapse(), device)
     simulation.advance(0.1)
-    simulation.step.renew_lists()
+    simulation.step.resume()
     of_kernels = simulation.state.velocity_pressure.numpy()[:, 3]
     snapshot = simulation.state.snapshot()
     scale = np.abs(of_kernels).max()

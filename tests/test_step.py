@@ -51,7 +51,7 @@ def step_by_step(simulation: Simulation, time: float):
 
 def bits(simulation: Simulation) -> dict[str, bytes]:
     state = simulation.state
-    names = (*state.PARTICLE, *state.CLOCK, "work")
+    names = state.KEPT
     return {name: getattr(state, name).numpy().tobytes() for name in names}
 
 

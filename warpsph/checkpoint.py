@@ -17,7 +17,7 @@ class CheckpointError(Exception):
 
 def write_checkpoint(folder: Path, state: State) -> Path:
     """Write the state to `folder`/STEP.npz: first under another name, so that a kill never leaves half a file."""
-    arrays = {name: getattr(state, name).numpy() for name in (*State.PARTICLE, *State.CLOCK, "work")}
+    arrays = {name: getattr(state, name).numpy() for name in State.KEPT}
     path = folder / f"{int(arrays['step'][0]):09d}.npz"
     unfinished = path.with_suffix(".part")
     with unfinished.open("wb") as file:
@@ -31,20 +31,26 @@ def write_checkpoint(folder: Path, state: State) -> Path:
 
 
 def read_checkpoint(folder: Path, state: State) -> None:
-    """Load the last checkpoint of `folder` into `state`.
+    """Load the last checkpoint of `folder` that can be read into `state`.
 
     Raises:
         CheckpointError: there is none, or it does not fit the scene.
     """
-    paths = sorted(folder.glob("*.npz"))
+    paths = sorted(folder.glob("*.npz"), reverse=True)
     if not paths:
         raise CheckpointError(f"{folder}: no checkpoint to go on from")
-    try:
-        with np.load(paths[-1]) as arrays:
-            for name in (*State.PARTICLE, *State.CLOCK, "work"):
-                array = getattr(state, name)
-                if arrays[name].shape != array.numpy().shape:
-                    raise CheckpointError(f"{paths[-1]}: made by another scene (its '{name}' has another shape)")
-                array.assign(arrays[name])
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise CheckpointError(f"{paths[-1]}: not a checkpoint that can be read ({error})") from None
+    complaints = []
+    for path in paths:
+        try:
+            with np.load(path) as file:
+                arrays = {name: file[name] for name in State.KEPT}
+        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            complaints.append(f"{path}: not a checkpoint that can be read ({error})")
+            continue
+        for name, values in arrays.items():
+            array = getattr(state, name)
+            if values.shape != array.numpy().shape:
+                raise CheckpointError(f"{path}: made by another scene (its '{name}' has another shape)")
+            array.assign(values)
+        return
+    raise CheckpointError(complaints[0])

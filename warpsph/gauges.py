@@ -21,9 +21,7 @@ class Gauges:
         self._step = 0.5 * model.spacing
         # As high as the fluid could ever rise without energy from outside, and half as much again.
         top = floor + 1.5 * (model.initial_position[:, 2].max() - floor) + 4.0 * model.spacing
-        self._heights = [
-            np.arange(floor if gauge.bottom is None else gauge.bottom, top, self._step) for gauge in gauges
-        ]
+        self._heights = [self._column(floor if gauge.bottom is None else gauge.bottom, top) for gauge in gauges]
         if not gauges:
             return
         points = [
@@ -38,6 +36,10 @@ class Gauges:
             len(points),
             [neighbours.grid.id, model.parameters, points, state.position_volume, self._fraction],
         )
+
+    def _column(self, bottom: float, top: float) -> np.ndarray:
+        """Heights at which a gauge looks [m]: two at least, so that one above all fluid is dry."""
+        return np.arange(bottom, max(top, bottom + 1.5 * self._step), self._step)
 
     def levels(self) -> list[float]:
         """Level at each gauge [m]; the bottom of the gauge where it is dry."""

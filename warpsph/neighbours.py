@@ -16,7 +16,6 @@ class Neighbours:
 
     Attributes:
         grid: Hash grid over the sorted particles at the time of listing.
-        position: Where the particles were when they were listed [m], float32, shape [particle_count].
         count, list: Neighbours of i are list[i row_stride + k column_stride], k < count[i].
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
         rebuilds: How often the lists were built.
@@ -26,7 +25,6 @@ class Neighbours:
         self.model, self.state = model, state
         device, count = model.launcher.device, model.particle_count
         self.grid = wp.HashGrid(*model.grid_shape, device=device)
-        self.position = wp.zeros(count, dtype=wp.vec3, device=device)
         self.count = wp.zeros(count, dtype=int, device=device)
         self.list = wp.zeros(count * model.parameters.list_capacity, dtype=int, device=device)
         self.wall_count = wp.zeros(count + 1, dtype=int, device=device)
@@ -38,12 +36,10 @@ class Neighbours:
     def _record(self) -> None:
         """Bind the launches to the arrays as they are now."""
         record, count = self.model.launcher.record, self.model.particle_count
-        parameters, walls = self.model.parameters, self.model.wall_position
-        self._round = record(kernels.round_position, count, [self.state.position, self.position])
-        self._list = record(
-            kernels.list_neighbours, count, [self.grid.id, parameters, self.position, self.count, self.list]
-        )
-        wall_arguments = [self.model.wall_grid.id, parameters, self.position, walls]
+        parameters, walls, listed = self.model.parameters, self.model.wall_position, self.state.listed_position
+        self._round = record(kernels.round_position, count, [self.state.position, listed])
+        self._list = record(kernels.list_neighbours, count, [self.grid.id, parameters, listed, self.count, self.list])
+        wall_arguments = [self.model.wall_grid.id, parameters, listed, walls]
         self._count_walls = record(kernels.count_wall_points, count, [*wall_arguments, self.wall_count])
         self._list_walls = record(kernels.list_wall_points, count, [*wall_arguments, self.wall_first, self.wall_list])
         self._sort = self._record_sort()
@@ -63,17 +59,21 @@ class Neighbours:
         return launches
 
     def rebuild(self) -> bool:
-        """Sort the particles by cell and list their neighbours anew.
-
-        Returns True when a list had to grow: launches that were bound to the old one must be recorded again.
-        """
-        cell_size = self.model.cell_size
+        """Sort the particles by cell and list their neighbours where they are now. Returns as `relist` does."""
         self._round()
-        self.grid.build(self.position, cell_size)
+        self.grid.build(self.state.listed_position, self.model.cell_size)
         for launch in self._sort:
             launch()
         self._round()
-        self.grid.build(self.position, cell_size)
+        self.state.moved.zero_()
+        return self.relist()
+
+    def relist(self) -> bool:
+        """List the neighbours at `state.listed_position`.
+
+        Returns True when a list had to grow: launches that were bound to the old one must be recorded again.
+        """
+        self.grid.build(self.state.listed_position, self.model.cell_size)
         self._list()
         self._count_walls()
         wp.utils.array_scan(self.wall_count, self.wall_first, inclusive=False)

@@ -13,11 +13,11 @@ class Record:
     """One CSV file whose first column is time [s]."""
 
     def __init__(self, path: Path, columns: Sequence[str], resume_at: float | None = None) -> None:
-        """Start the file, or go on with it: rows at or after `resume_at` [s] are dropped, they will come again."""
+        """Start the file, or go on with it: rows after `resume_at` [s] are dropped, they will come again."""
         rows: list[list[str]] = []
         if resume_at is not None and path.exists():
             with path.open(newline="") as file:
-                rows = [row for row in list(csv.reader(file))[1:] if row and float(row[0]) < resume_at - TIME_ROUNDING]
+                rows = [row for row in list(csv.reader(file))[1:] if row and float(row[0]) < resume_at + TIME_ROUNDING]
         self._file = path.open("w", newline="", buffering=1)
         self._writer = csv.writer(self._file, lineterminator="\n")
         self._writer.writerows([["time [s]", *columns], *rows])

@@ -31,11 +31,11 @@ class FolderError(Exception):
 
 
 class Ticks:
-    """Times k / rate, k whole, from `after` on."""
+    """Times k / rate, k whole, from `start` on, or after it if what is due at `start` has been done."""
 
-    def __init__(self, rate: float, after: float) -> None:
+    def __init__(self, rate: float, start: float, is_done: bool) -> None:
         self._rate = rate
-        self.index = math.ceil(after * rate - 1e-6)
+        self.index = math.ceil(start * rate + (1e-6 if is_done else -1e-6))
 
     @property
     def next(self) -> float:
@@ -79,7 +79,7 @@ class Run:
         if resume:
             read_checkpoint(folder / "checkpoints", self.simulation.state)
             self.simulation.enter_phase()
-            self.simulation.step.renew_lists()
+            self.simulation.step.resume()
         elif folder.exists():
             shutil.rmtree(folder)
         for name in ("gauges", "fluids", "checkpoints"):
@@ -91,9 +91,9 @@ class Run:
         log.addHandler(self._log_file)
 
         now = self.simulation.time
-        self._samples = Ticks(scene.output.samples_per_second, now)
-        self._frames = Ticks(scene.output.frames_per_second, max(now, 0.0))
-        self._checkpoints = Ticks(1.0 / scene.output.checkpoint_every, now)
+        self._samples = Ticks(scene.output.samples_per_second, now, is_done=resume)
+        self._frames = Ticks(scene.output.frames_per_second, max(now, 0.0), is_done=resume and now >= 0.0)
+        self._checkpoints = Ticks(1.0 / scene.output.checkpoint_every, now, is_done=True)
         self._records = self._open_records(now if resume else None)
         self._outputs = Outputs(scene, self.simulation, folder, self._frames.index if resume else None)
 
@@ -172,11 +172,8 @@ class Run:
         return min(*ticks, *changes, self.scene.run.end_time)
 
     def _emit(self) -> None:
-        """Write whatever is due now. A checkpoint comes first: it renews the lists, and so must a resumed run."""
+        """Write whatever is due now; the checkpoint last, so that what it stands for has been written."""
         simulation, now = self.simulation, self.simulation.time
-        if self._checkpoints.take(now):
-            simulation.step.renew_lists()
-            write_checkpoint(self.folder / "checkpoints", simulation.state)
         # The warm-up is stepped from sample to sample too, for the sake of its progress, but nothing of it is recorded.
         if self._samples.take(now) and now >= 0.0:
             budget, motions = simulation.energy.measure()
@@ -188,6 +185,8 @@ class Run:
                 self._records[f"fluids/{name}"].write(now, [x, z, u, w, motion.front, motion.top_speed])
         if self._frames.take(now):
             self._outputs.write_frame()
+        if self._checkpoints.take(now):
+            write_checkpoint(self.folder / "checkpoints", simulation.state)
 
     def _is_told_to_stop(self) -> bool:
         most = self.scene.run.max_steps

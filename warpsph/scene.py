@@ -271,6 +271,8 @@ class Fluid(Part):
     @model_validator(mode="after")
     def _is_one_body(self) -> Fluid:
         self._need_one_of("shape", "fill")
+        if self.hold and any(self.velocity):
+            raise _fault("a held fluid starts at rest", "velocity")
         if self.fill is not None and self.lattice is not None:
             raise _fault("goes with a shape; a fill has a lattice of its own", "lattice")
         return self

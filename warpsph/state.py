@@ -43,10 +43,10 @@ class State:
     (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads.
     """
 
-    # A particle's own history: permuted when slots are sorted, kept in checkpoints.
+    # A particle's own history: permuted when slots are sorted.
     PARTICLE = ("id", "fluid", "position", "velocity", "density", "acceleration", "density_rate", "xsph_velocity")
-    # The clock's, kept in checkpoints.
-    CLOCK = ("time", "dt", "dt_limit", "step", "speed")
+    # All that a checkpoint keeps: with the place where particles were listed, a resumed run sums in the same order.
+    KEPT = (*PARTICLE, "time", "dt", "dt_limit", "step", "moved", "speed", "listed_position", "work")
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -66,6 +66,8 @@ class State:
         self.acceleration = zeros(wp.vec3)  # of the last kick [m/s2]
         self.density_rate = zeros(float)  # [kg/m3/s]
         self.xsph_velocity = zeros(wp.vec3)  # [m/s]
+
+        self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
 
         # Within a step.
         self.position_volume = zeros(wp.vec4)

@@ -19,15 +19,15 @@ class Step:
         self._aim = model.launcher.record(
             integrators.aim_clock, 1, [state.time, state.target, state.dt_limit, state.dt]
         )
-        self._relist()
+        self.neighbours.rebuild()
         self._record()
-        self.renew_lists()
+        self._drift_half()  # with dt = 0: packs position and pressure
         self._density_rate()  # the first half step needs a rate too, or the whole run is of first order
 
     def __call__(self) -> None:
         """Advance by one step of length `state.dt`."""
         if self._lists_will_be_stale():
-            self._relist()
+            self._bind(self.neighbours.rebuild())
         if self.settling:
             self._rest_density()
         self._drift_half()  # position and density to n+1/2, pressure
@@ -39,15 +39,14 @@ class Step:
         self._watch()
         self._advance_clock()  # time, next dt
 
-    def renew_lists(self) -> None:
-        """Sort the particles, list neighbours and pack position and pressure anew, between steps (while dt is 0)."""
-        self._relist()
-        self._drift_half()
+    def resume(self) -> None:
+        """Take up a state that was read from a checkpoint."""
+        self._bind(self.neighbours.relist())
+        self._drift_half()  # with dt = 0: packs position and pressure
 
-    def _relist(self) -> None:
-        if self.neighbours.rebuild():
+    def _bind(self, grown: bool) -> None:
+        if grown:
             self._record()
-        self.state.moved.zero_()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
@@ -87,7 +86,7 @@ class Step:
         self._kick_and_drift = record(
             integrators.kick_and_drift,
             *(p, s.dt, s.damping, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
-            *(s.wall_distance, s.xsph_velocity, s.density, s.density_rate, s.fluid, n.position),
+            *(s.wall_distance, s.xsph_velocity, s.density, s.density_rate, s.fluid, s.listed_position),
             *(s.position, s.velocity, s.work, s.position_volume, s.velocity_pressure, s.acceleration),
             *(s.particle_dt_limit, s.particle_moved, s.particle_speed, s.particle_fault),
         )

@@ -160,12 +160,12 @@ def test_particles_move_slots_whole(listed):
     assert np.any(made.id != np.arange(500))
     np.testing.assert_array_equal(made.state.position.numpy(), x[made.id])
     np.testing.assert_array_equal(made.state.velocity.numpy(), np.arange(1500.0).reshape(500, 3)[made.id])
-    np.testing.assert_array_equal(made.neighbours.position.numpy(), x[made.id].astype(np.float32))
+    np.testing.assert_array_equal(made.neighbours.state.listed_position.numpy(), x[made.id].astype(np.float32))
 
 
 def test_slots_of_a_cell_lie_together(listed):
     made = listed(cloud(500, (-3.0, -3.0), (3.0, 3.0)))
-    cell = np.floor(made.neighbours.position.numpy() / np.float32(REACH)).astype(int)[:, [0, 2]]
+    cell = np.floor(made.neighbours.state.listed_position.numpy() / np.float32(REACH)).astype(int)[:, [0, 2]]
     changes = np.any(np.diff(cell, axis=0) != 0, axis=1).sum()
     assert changes + 1 == len(np.unique(cell, axis=0))
 
