@@ -233,6 +233,11 @@ def test_an_anchor_is_its_value(load):
             "tank.yaml:12: fluids[0].lattice: goes with a shape; a fill has a lattice of its own",
         ),
         (
+            "above: tank}",
+            "above: tank}\n    hold: true\n    velocity: [1, 0]",
+            "tank.yaml:13: fluids[0].velocity: a held fluid starts at rest",
+        ),
+        (
             "[3.0, 2.0]]",
             "{at: [3.0, 2.0], radius: 1}]",
             "tank.yaml:7: walls[0].path[3]: the end of an open path is no corner; write it as [x, z]",
