@@ -101,6 +101,11 @@ def test_scenes_and_cases_are_listed(capsys):
     assert listed.count("landslide_0200") == 2 and "still_water" in listed
 
 
+def test_schema_is_printed(capsys):
+    assert run("schema") == OK
+    assert json.loads(capsys.readouterr().out)["properties"]["spacing"]["description"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

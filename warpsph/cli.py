@@ -14,7 +14,7 @@ from typing import Any
 
 from warpsph.checkpoint import CheckpointError
 from warpsph.launch import DeviceError
-from warpsph.scene import Scene, SceneError, load_scene
+from warpsph.scene import Scene, SceneError, json_schema, load_scene
 
 OK, INVALID, INPUT, BLOWN_UP, MACHINE = 0, 1, 2, 3, 4
 
@@ -85,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     report = command("report", _report, "write the HTML page of a run again")
     report.add_argument("run", type=Path, help="run folder")
     command("list", _list, "name the scenes that ship with warpsph")
+    command("schema", _schema, "print the JSON Schema of a scene file, for editors")
     return parser
 
 
@@ -241,4 +242,9 @@ def _list(options: argparse.Namespace) -> int:
     for path in sorted(SCENES.glob("*.yaml")):
         print(f"{path.stem:<18} {load_scene(path).title}")
     print(f"in {SCENES}")
+    return OK
+
+
+def _schema(options: argparse.Namespace) -> int:
+    print(json.dumps(json_schema(), indent=2))
     return OK
