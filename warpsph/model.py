@@ -13,7 +13,7 @@ from warpsph.scene import Material, Scene
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
-SKIN = 0.15
+SKIN = 0.2
 # Rows hold this many times the neighbours of an undisturbed lattice; a fluller row makes the list grow.
 ROOM = 1.5
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.

@@ -87,10 +87,10 @@ class Neighbours:
         model, device = self.model, self.model.launcher.device
         longest, wall_total = int(self.count.numpy().max()), int(self.wall_first.numpy()[-1])
         capacity = model.parameters.list_capacity
-        if longest <= capacity and wall_total <= len(self.wall_list):
+        if longest < capacity and wall_total <= len(self.wall_list):
             return False
-        if longest > capacity:
-            model.set_list_capacity(model.parameters, longest + longest // 8)
+        if longest >= capacity:
+            model.set_list_capacity(model.parameters, longest + longest // 8 + 1)
             self.list = wp.zeros(model.particle_count * model.parameters.list_capacity, dtype=int, device=device)
         if wall_total > len(self.wall_list):
             self.wall_list = wp.zeros(wall_total + wall_total // 4, dtype=int, device=device)

@@ -57,7 +57,7 @@ class Step:
         """Whether two particles could come within the support, unlisted, before the coming step ends."""
         s = self.state
         moved, speed, dt = (float(a.numpy()[0]) for a in (s.moved, s.speed, s.dt))
-        return moved + 1.5 * dt * speed > 0.5 * self.model.skin
+        return moved + 1.25 * dt * speed > 0.5 * self.model.skin
 
     def _record(self) -> None:
         """Bind every stage to its arrays."""
