@@ -1,5 +1,6 @@
 """Energy budget, and the motion of each fluid as a whole."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -85,6 +86,22 @@ class Energy:
             for f, row in enumerate(fluids)
         ]
         return budget, motions
+
+
+def drift_and_converted(record: Mapping[str, np.ndarray]) -> tuple[float, float]:
+    """How far the energy sum strayed from its first value, and how much potential energy was converted [J or J/m].
+
+    `record` holds the columns of an energy.csv, each of shape [row_count]; both are 0 without a row. In water at rest
+    nothing is converted (0), and a share of that says nothing.
+    """
+    total, potential = (
+        next(record[name] for name in record if name.startswith(part)) for part in ("total", "potential")
+    )
+    if not len(total):
+        return 0.0, 0.0
+    converted = float(np.ptp(potential))
+    is_at_rest = converted <= 1e-3 * float(np.abs(potential).max())
+    return float(np.abs(total - total[0]).max()), 0.0 if is_at_rest else converted
 
 
 _BUDGET_COLUMNS = (

@@ -8,8 +8,9 @@ from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.state import State
 
-# Surface that is thinner than this, in spacings, is spray or an overturning lip, and is looked through.
-LEAST_THICKNESS = 2.0
+SAMPLES_PER_SPACING = 2
+# Fluid thinner than two spacings is spray or an overturning lip, and is looked through.
+LEAST_SAMPLES = 2 * SAMPLES_PER_SPACING
 
 
 class Gauges:
@@ -18,7 +19,7 @@ class Gauges:
     def __init__(self, model: Model, state: State, neighbours: Neighbours) -> None:
         gauges, floor = model.scene.gauges, model.ground
         self.names = [gauge.name for gauge in gauges]
-        self._step = 0.5 * model.spacing
+        self._step = model.spacing / SAMPLES_PER_SPACING
         # As high as the fluid could ever rise without energy from outside, and half as much again.
         top = floor + 1.5 * (model.initial_position[:, 2].max() - floor) + 4.0 * model.spacing
         self._heights = [self._column(floor if gauge.bottom is None else gauge.bottom, top) for gauge in gauges]
@@ -48,8 +49,7 @@ class Gauges:
         self._measure()
         ends = np.cumsum([len(z) for z in self._heights])[:-1]
         fractions = np.split(self._fraction.numpy(), ends)
-        thick = max(1, round(LEAST_THICKNESS * 2.0))
-        return [surface(z, fraction, thick) for z, fraction in zip(self._heights, fractions, strict=True)]
+        return [surface(z, fraction, LEAST_SAMPLES) for z, fraction in zip(self._heights, fractions, strict=True)]
 
 
 def surface(heights: np.ndarray, fraction: np.ndarray, thick: int) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 import warpsph
 from warpsph.geometry import drop_height
-from warpsph.outline import wall_outline
+from warpsph.outline import Outline, wall_outline
 from warpsph.preview import FrameWriter, animate, fluid_colors, gauge_picture, window_around
 from warpsph.report import write_report
 from warpsph.scene import Scene
@@ -81,7 +81,7 @@ class Outputs:
         write_report(self._folder)
 
 
-def _drawn(outline) -> np.ndarray:
+def _drawn(outline: Outline) -> np.ndarray:
     """Corners of a wall as it is drawn [m], shape [n, 2], ending where it starts if it is closed."""
     corners = outline.polygon()
     return np.concatenate([corners, corners[:1]]) if outline.closed else corners

@@ -15,6 +15,7 @@ import warp as wp
 
 import warpsph
 from warpsph.checkpoint import read_checkpoint, write_checkpoint
+from warpsph.energy import drift_and_converted
 from warpsph.outputs import Outputs
 from warpsph.progress import Progress
 from warpsph.records import Record, find_crest, read_record
@@ -227,16 +228,11 @@ class Run:
         _, motions = self.simulation.energy.measure()
         model = self.simulation.model
         placed = float(np.sum(model.parameters.mass.numpy()[model.initial_fluid], dtype=np.float64))
-        energy = read_record(self.folder / "energy.csv")
-        total, potential = (
-            energy[name] for start in ("total", "potential") for name in energy if name.startswith(start)
-        )
+        drift, converted = drift_and_converted(read_record(self.folder / "energy.csv"))
         facts = {"mass / mass placed": sum(motion.mass for motion in motions) / placed}
-        converted = float(np.ptp(potential)) if len(potential) else 0.0
-        # In water at rest nothing is converted, and a share of nothing says nothing.
-        if converted > 1e-3 * float(np.abs(potential).max(initial=0.0)):
+        if converted:
             facts["energy converted"] = converted
-            facts["energy drift / converted"] = float(np.abs(total - total[0]).max() / converted)
+            facts["energy drift / converted"] = drift / converted
         return facts
 
     def _crests(self) -> dict[str, dict[str, float]]:
