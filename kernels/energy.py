@@ -45,11 +45,10 @@ def sum_blocks(
     internal = wp.float64(0.0)
     mass_x = wp.vec3d()
     mass_u = wp.vec3d()
-    done = wp.vec3d()
+    done = work[block] if mine == 0 else wp.vec3d()  # a block's, of whatever fluids
     front = wp.float64(-wp.inf)
     top_speed = wp.float64(0.0)
     for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        done_i = work[i]
         if fluid[i] == mine:
             m = wp.float64(parameters.mass[mine])
             x, u = position[i], wp.vec3d(velocity[i])
@@ -63,9 +62,6 @@ def sum_blocks(
             mass_u += m * u
             front = wp.max(front, x[0])
             top_speed = wp.max(top_speed, wp.length(u))
-        if mine == 0:
-            # The accumulated work stays in its slot when particles are reordered, so it has no fluid of its own.
-            done += done_i
     sums_out[row, MASS] = mass
     sums_out[row, KINETIC] = kinetic
     sums_out[row, POTENTIAL] = potential

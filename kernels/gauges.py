@@ -4,6 +4,7 @@ from functools import cache
 
 import warp as wp
 
+from .neighbours import CellGrid, cell_at
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 
@@ -16,20 +17,29 @@ def volume_fraction_kernel(smoothing: str) -> wp.Kernel:
     @wp.kernel(module="unique", enable_backward=False)
     def volume_fraction(
         first: int,
-        grid: wp.uint64,
+        grid: CellGrid,
         parameters: Parameters,
+        reach: float,
+        start: wp.array[int],
         point: wp.array[wp.vec3],
         position_volume: wp.array[wp.vec4],
         fraction_out: wp.array[float],
     ):
-        """Volume fraction of all fluids together, sum_j V_j W(|x - x_j|)."""
+        """Volume fraction of all fluids together, sum_j V_j W(|x - x_j|).
+
+        Cells hold the particles where these were listed: `reach` [m] is the support and how far they may have gone.
+        """
         i = first + wp.tid()
         x = point[i]
+        low, high = cell_at(grid, x - wp.vec3(reach)), cell_at(grid, x + wp.vec3(reach))
         fraction = float(0.0)
-        for j in wp.hash_grid_query(grid, x, parameters.list_radius):
-            xV_j = position_volume[j]
-            r = wp.length(x - wp.vec3(xV_j[0], xV_j[1], xV_j[2]))
-            fraction += xV_j[3] * parameters.kernel_norm * shape(r * parameters.inverse_h)
+        for kz in range(low[2], high[2] + 1):
+            for ky in range(low[1], high[1] + 1):
+                row = (kz * grid.count[1] + ky) * grid.count[0]
+                for j in range(start[row + low[0]], start[row + high[0] + 1]):
+                    xV_j = position_volume[j]
+                    r = wp.length(x - wp.vec3(xV_j[0], xV_j[1], xV_j[2]))
+                    fraction += xV_j[3] * parameters.kernel_norm * shape(r * parameters.inverse_h)
         fraction_out[i] = fraction
 
     return volume_fraction

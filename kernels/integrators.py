@@ -1,12 +1,13 @@
 """Verlet: drift, kick, drift, with the clock and the limits of the time step on the device.
 
-Vasco (2014) eq 76-80, with F and D the rates of velocity and density:
+Vasco (2014) eq 76-80, with F and D the rates of velocity and density, and R that of density by diffusion:
 
-    x^(n+1/2) = x^n + dt/2 u^n                   rho^(n+1/2) = rho^n + dt/2 D^n
+    x^(n+1/2) = x^n + dt/2 u^n                   rho^(n+1/2) = rho^n + dt/2 (D^n + R^(n-1/2))
     u^(n+1)   = u^n + dt F(x, u, rho at n+1/2)
-    x^(n+1)   = x^(n+1/2) + dt/2 u^(n+1)         rho^(n+1)   = rho^(n+1/2) + dt/2 D(x, u at n+1)
+    x^(n+1)   = x^(n+1/2) + dt/2 u^(n+1)         rho^(n+1)   = rho^n + dt/2 (D^n + D^(n+1)) + dt R^(n+1/2)
 
-F needs a velocity at n+1/2, which the thesis leaves open: u^n + dt/2 F^(n-1/2).
+F needs a velocity at n+1/2, which the thesis leaves open: u^n + dt/2 F^(n-1/2). R comes from the sweep over the pairs
+that gives F, D from one of its own.
 """
 
 import warp as wp
@@ -23,6 +24,19 @@ TOO_FAST = wp.constant(4)
 OUTSIDE = wp.constant(5)
 
 
+@wp.func
+def volume_at(parameters: Parameters, x: wp.vec3d, rho: wp.float64, f: int) -> wp.vec4:
+    """(x, y, z, V) as the pair loop reads it."""
+    return wp.vec4(float(x[0]), float(x[1]), float(x[2]), parameters.mass[f] / float(rho))
+
+
+@wp.func
+def pressure_at(parameters: Parameters, u: wp.vec3, rho: wp.float64, f: int) -> wp.vec4:
+    """(u, v, w, p) as the pair loop reads it."""
+    p = pressure(rho, parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f])
+    return wp.vec4(u[0], u[1], u[2], p)
+
+
 @wp.kernel(enable_backward=False)
 def drift_half(
     first: int,
@@ -32,6 +46,7 @@ def drift_half(
     xsph_velocity: wp.array[wp.vec3],
     acceleration: wp.array[wp.vec3],
     density_rate: wp.array[float],
+    last_diffusion_rate: wp.array[float],
     fluid: wp.array[int],
     position_inout: wp.array[wp.vec3d],
     density_inout: wp.array[wp.float64],
@@ -43,13 +58,12 @@ def drift_half(
     f = fluid[i]
     half = 0.5 * dt[0]
     x = position_inout[i] + wp.vec3d(half * (velocity[i] + xsph_velocity[i]))
-    rho = density_inout[i] + wp.float64(half * density_rate[i])
+    rho = density_inout[i] + wp.float64(half * (density_rate[i] + last_diffusion_rate[i]))
     u = velocity[i] + half * acceleration[i]
-    p = pressure(rho, parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f])
     position_inout[i] = x
     density_inout[i] = rho
-    position_volume_out[i] = wp.vec4(float(x[0]), float(x[1]), float(x[2]), parameters.mass[f] / float(rho))
-    velocity_pressure_out[i] = wp.vec4(u[0], u[1], u[2], p)
+    position_volume_out[i] = volume_at(parameters, x, rho, f)
+    velocity_pressure_out[i] = pressure_at(parameters, u, rho, f)
 
 
 @wp.func
@@ -100,22 +114,21 @@ def kick_and_drift(
     wall_acceleration: wp.array[wp.vec3],
     wall_distance: wp.array[float],
     xsph_velocity: wp.array[wp.vec3],
-    density: wp.array[wp.float64],
     density_rate: wp.array[float],
+    diffusion_rate: wp.array[float],
     fluid: wp.array[int],
-    listed_position: wp.array[wp.vec3],
     position_inout: wp.array[wp.vec3d],
     velocity_inout: wp.array[wp.vec3],
-    work_inout: wp.array[wp.vec3d],
-    position_volume_out: wp.array[wp.vec4],
-    velocity_pressure_out: wp.array[wp.vec4],
+    density_inout: wp.array[wp.float64],
+    last_diffusion_rate_inout: wp.array[float],
+    position_volume_inout: wp.array[wp.vec4],
+    velocity_pressure_inout: wp.array[wp.vec4],
     acceleration_out: wp.array[wp.vec3],
+    work_out: wp.array[wp.vec3],
     dt_limit_out: wp.array[float],
-    moved_out: wp.array[float],
-    speed_out: wp.array[float],
     fault_out: wp.array[int],
 ):
-    """Velocity to n+1 (eq 78), position to n+1 (eq 79), the work of each force, and what the next step may be.
+    """Velocity to n+1 (eq 78), position to n+1 (eq 79), diffusion, the work of each force, the longest next step.
 
     The work done in a step is m a . (u^n + u^(n+1)) / 2 dt: with it the kinetic energy is accounted for exactly.
     Damping is u' = -damping u; it and the held fluids are the only places where velocity is not moved by a force.
@@ -132,47 +145,34 @@ def kick_and_drift(
     x = position_inout[i] + wp.vec3d(0.5 * step * (u + xsph_velocity[i]))
 
     path = free * step * m * 0.5 * (u_old + u_kicked)
-    work_inout[i] = work_inout[i] + wp.vec3d(
-        -wp.float64(wp.dot(dissipative_acceleration[i], path)),
-        wp.float64(wp.dot(wall_acceleration[i], path)),
-        wp.float64(0.5 * m * (wp.dot(u_kicked, u_kicked) - wp.dot(u, u))),
+    # The internal energy that diffusion takes, m p / rho^2 d rho, is dissipated.
+    V, p, R = position_volume_inout[i][3], velocity_pressure_inout[i][3], diffusion_rate[i]
+    work_out[i] = wp.vec3(
+        -wp.dot(dissipative_acceleration[i], path) - step * V * V / m * p * R,
+        wp.dot(wall_acceleration[i], path),
+        0.5 * m * (wp.dot(u_kicked, u_kicked) - wp.dot(u, u)),
     )
+    rho = density_inout[i] + wp.float64(step * (R - 0.5 * last_diffusion_rate_inout[i]))
     position_inout[i] = x
     velocity_inout[i] = u
-    x_rounded = wp.vec3(x)
-    # Density at n+1, predicted with the last rate: continuity at second order needs volumes of its own instant.
-    rho = density[i] + wp.float64(0.5 * step * density_rate[i])
-    p = pressure(rho, parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f])
-    position_volume_out[i] = wp.vec4(x_rounded[0], x_rounded[1], x_rounded[2], m / float(rho))
-    velocity_pressure_out[i] = wp.vec4(u[0], u[1], u[2], p)
+    density_inout[i] = rho
+    last_diffusion_rate_inout[i] = R
+    # Continuity at second order needs volumes of its own instant: density at n+1 is predicted with the last rate.
+    rho_end = rho + wp.float64(0.5 * step * density_rate[i])
+    position_volume_inout[i] = volume_at(parameters, x, rho_end, f)
+    velocity_pressure_inout[i] = pressure_at(parameters, u, rho_end, f)
     acceleration_out[i] = a
 
     c = parameters.sound_speed[f]
     dt_limit_out[i] = longest_step(parameters, c, parameters.alpha[f], u, a, wall_distance[i])
-    moved_out[i] = wp.length(x_rounded - listed_position[i])
-    speed_out[i] = wp.length(u)
-    fault_out[i] = find_fault(parameters, x, u, density[i], parameters.rest_density[f], c)
+    fault_out[i] = find_fault(parameters, x, u, rho, parameters.rest_density[f], c)
 
 
 @wp.kernel(enable_backward=False)
-def finish_density(
-    first: int,
-    parameters: Parameters,
-    dt: wp.array[float],
-    density_rate: wp.array[float],
-    diffusion_rate: wp.array[float],
-    position_volume: wp.array[wp.vec4],
-    velocity_pressure: wp.array[wp.vec4],
-    fluid: wp.array[int],
-    density_inout: wp.array[wp.float64],
-    work_inout: wp.array[wp.vec3d],
-):
-    """Density to n+1 (eq 80); the internal energy that diffusion takes, m p / rho^2 d rho, is dissipated."""
+def finish_density(first: int, dt: wp.array[float], density_rate: wp.array[float], density_inout: wp.array[wp.float64]):
+    """Density to n+1 (eq 80)."""
     i = first + wp.tid()
-    V, p = position_volume[i][3], velocity_pressure[i][3]
-    taken = -V * V / parameters.mass[fluid[i]] * p * diffusion_rate[i] * dt[0]
     density_inout[i] = density_inout[i] + wp.float64(0.5 * dt[0] * density_rate[i])
-    work_inout[i] = work_inout[i] + wp.vec3d(wp.float64(taken), wp.float64(0.0), wp.float64(0.0))
 
 
 @wp.kernel(enable_backward=False)
@@ -181,23 +181,24 @@ def watch_blocks(
     particle_count: int,
     block_size: int,
     dt_limit: wp.array[float],
-    moved: wp.array[float],
-    speed: wp.array[float],
     fault: wp.array[int],
-    extremes_out: wp.array[wp.vec3],
+    work: wp.array[wp.vec3],
+    total_work_inout: wp.array[wp.vec3d],
+    dt_limit_out: wp.array[float],
     fault_slot_out: wp.array[int],
 ):
-    """Least dt limit, farthest motion, highest speed, and the first faulty slot of a block of particles (-1: none)."""
+    """Least dt limit and first faulty slot of a block of particles (-1: none); its work is added to what was done."""
     block = first + wp.tid()
-    extremes = wp.vec3(wp.inf, 0.0, 0.0)
+    least = float(wp.inf)
     slot = int(-1)
+    done = wp.vec3d()
     for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        extremes = wp.vec3(
-            wp.min(extremes[0], dt_limit[i]), wp.max(extremes[1], moved[i]), wp.max(extremes[2], speed[i])
-        )
+        done += wp.vec3d(work[i])
+        least = wp.min(least, dt_limit[i])
         if slot < 0 and fault[i] != SOUND:
             slot = i
-    extremes_out[block] = extremes
+    total_work_inout[block] = total_work_inout[block] + done
+    dt_limit_out[block] = least
     fault_slot_out[block] = slot
 
 
@@ -212,39 +213,44 @@ def aim(time: wp.float64, target: wp.float64, dt_limit: float) -> float:
 def advance_clock(
     first: int,
     block_count: int,
-    extremes: wp.array[wp.vec3],
+    strain_count: int,
+    block_dt_limit: wp.array[float],
     block_fault_slot: wp.array[int],
     particle_fault: wp.array[int],
+    strain: wp.array[float],
     target: wp.array[wp.float64],
     time_inout: wp.array[wp.float64],
     dt_inout: wp.array[float],
-    dt_limit_out: wp.array[float],
     step_inout: wp.array[int],
-    moved_out: wp.array[float],
-    speed_out: wp.array[float],
     fault_inout: wp.array[int],
     fault_slot_inout: wp.array[int],
+    dt_limit_out: wp.array[float],
+    stale_out: wp.array[int],
+    running_out: wp.array[int],
 ):
-    """Time and step count go on, the next step is chosen, the first fault stops the clock. One thread."""
+    """Time and step count go on, the next step is chosen; the first fault stops the clock. One thread."""
     i = first + wp.tid()
-    whole = wp.vec3(wp.inf, 0.0, 0.0)
+    limit = float(wp.inf)
     for b in range(block_count):
-        e = extremes[b]
-        whole = wp.vec3(wp.min(whole[0], e[0]), wp.max(whole[1], e[1]), wp.max(whole[2], e[2]))
+        limit = wp.min(limit, block_dt_limit[b])
         if fault_inout[i] == SOUND and block_fault_slot[b] >= 0:
             fault_slot_inout[i] = block_fault_slot[b]
             fault_inout[i] = particle_fault[block_fault_slot[b]]
+    worst = float(0.0)
+    for b in range(strain_count):
+        worst = wp.max(worst, strain[b])
     dt = dt_inout[i]
     time = time_inout[i] + wp.float64(dt)
     if wp.abs(target[i] - time) < wp.float64(1.0e-3 * dt):
         time = target[i]
     if dt > 0.0:
         step_inout[i] = step_inout[i] + 1
+    next_dt = wp.where(fault_inout[i] == SOUND, aim(time, target[i], limit), 0.0)
     time_inout[i] = time
-    dt_inout[i] = wp.where(fault_inout[i] == SOUND, aim(time, target[i], whole[0]), 0.0)
-    dt_limit_out[i] = whole[0]
-    moved_out[i] = whole[1]
-    speed_out[i] = whole[2]
+    dt_inout[i] = next_dt
+    dt_limit_out[i] = limit
+    stale_out[i] = wp.where(worst > 1.0, 1, 0)
+    running_out[i] = wp.where(next_dt > 0.0 and worst <= 1.0, 1, 0)
 
 
 @wp.kernel(enable_backward=False)
@@ -253,8 +259,13 @@ def aim_clock(
     time: wp.array[wp.float64],
     target: wp.array[wp.float64],
     dt_limit: wp.array[float],
+    stale: wp.array[int],
+    fault: wp.array[int],
     dt_out: wp.array[float],
+    running_out: wp.array[int],
 ):
-    """The next step after the host has set a new target. One thread."""
+    """The next step after the host has set a new target or listed neighbours. One thread."""
     i = first + wp.tid()
-    dt_out[i] = aim(time[i], target[i], dt_limit[i])
+    dt = wp.where(fault[i] == SOUND, aim(time[i], target[i], dt_limit[i]), 0.0)
+    dt_out[i] = dt
+    running_out[i] = wp.where(dt > 0.0 and stale[i] == 0, 1, 0)

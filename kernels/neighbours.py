@@ -1,4 +1,4 @@
-"""Neighbours: physical order by cell, Verlet lists of fluid neighbours (Vasco 2014, section 4.2) and of wall points."""
+"""Neighbours: cells, physical order by cell, Verlet lists (Vasco 2014, section 4.2), and how long they stay good."""
 
 from functools import cache
 from typing import Any
@@ -7,19 +7,75 @@ import warp as wp
 
 from .parameters import Parameters
 
+# Edge of a block of cells, in cells. Two particles in blocks that do not touch are farther apart than this.
+BLOCK_EDGE = wp.constant(3)
+
+
+@wp.struct
+class CellGrid:
+    """A box of cells. Those along its shortest axis follow each other: a row of them is one run of slots.
+
+    Short rows keep the slots of neighbours close together, and so in the cache. Axes are counted from the shortest.
+    Whatever lies outside the box counts to its outermost cells. Around them is a rim of empty ones, `reach` wide, so
+    that nobody need ask whether there is a next cell.
+    """
+
+    axes: wp.vec3i  # 0, 1, 2 for x, y, z, in the order in which cells are counted
+    origin: wp.vec3  # lower corner of the first cell within the rim [m]
+    inverse_edge: float  # [1/m]
+    reach: wp.vec3i  # cells that a list may reach to each side; 0 across a plane
+    inner: wp.vec3i  # cells within the rim
+    count: wp.vec3i  # cells, rim included
+    blocks: wp.vec3i  # blocks of cells
+
+
+@wp.func
+def cell_along(x: float, origin: float, inverse_edge: float, reach: int, inner: int) -> int:
+    """Number of the cell along one axis; clamped before it is made an integer, so that any x will do."""
+    return int(wp.clamp(wp.floor((x - origin) * inverse_edge), 0.0, float(inner - 1))) + reach
+
+
+@wp.func
+def cell_at(grid: CellGrid, x: wp.vec3) -> wp.vec3i:
+    """Place in its row, row and layer of the cell in which x lies."""
+    origin, axes = grid.origin, grid.axes
+    return wp.vec3i(
+        cell_along(x[axes[0]], origin[0], grid.inverse_edge, grid.reach[0], grid.inner[0]),
+        cell_along(x[axes[1]], origin[1], grid.inverse_edge, grid.reach[1], grid.inner[1]),
+        cell_along(x[axes[2]], origin[2], grid.inverse_edge, grid.reach[2], grid.inner[2]),
+    )
+
 
 @wp.kernel(enable_backward=False)
 def round_position(first: int, position: wp.array[wp.vec3d], rounded_out: wp.array[wp.vec3]):
-    """Position rounded to single precision, for the grid and as the place from which motion is measured [m]."""
+    """Position rounded to single precision, for the cells and as the place from which motion is measured [m]."""
     i = first + wp.tid()
     rounded_out[i] = wp.vec3(position[i])
 
 
 @wp.kernel(enable_backward=False)
-def cell_order(first: int, grid: wp.uint64, order_out: wp.array[int]):
-    """order[new slot] = old slot, sorted by cell; the sort is stable, so the order is reproducible."""
+def find_cells(
+    first: int, grid: CellGrid, position: wp.array[wp.vec3], cell_out: wp.array[int], order_out: wp.array[int]
+):
+    """The cell of each point, and the identity permutation to be sorted with it."""
     i = first + wp.tid()
-    order_out[i] = wp.hash_grid_point_id(grid, i)
+    k = cell_at(grid, position[i])
+    cell_out[i] = (k[2] * grid.count[1] + k[1]) * grid.count[0] + k[0]
+    order_out[i] = i
+
+
+@wp.kernel(enable_backward=False)
+def find_starts(first: int, count: int, cell_count: int, cell: wp.array[int], start_out: wp.array[int]):
+    """start[c] = first slot of cell c, in slots sorted by cell; start[cell_count] = count."""
+    i = first + wp.tid()
+    before = int(-1)
+    if i > 0:
+        before = cell[i - 1]
+    for c in range(before + 1, cell[i] + 1):
+        start_out[c] = i
+    if i == count - 1:
+        for c in range(cell[i] + 1, cell_count + 1):
+            start_out[c] = count
 
 
 @cache
@@ -35,41 +91,60 @@ def gather_kernel(dtype: Any) -> wp.Kernel:
     return gather
 
 
-@wp.kernel(enable_backward=False)
-def list_neighbours(
-    first: int,
-    grid: wp.uint64,
-    parameters: Parameters,
-    position: wp.array[wp.vec3],
-    count_out: wp.array[int],
-    list_out: wp.array[int],
-):
-    """All particles closer than the list radius. A count that reaches the capacity says that the row was cut short.
+@cache
+def list_kernel(by_column: bool) -> wp.Kernel:
+    """A kernel that fills the lists, which lie by column or by row."""
 
-    Every candidate is written, and the next one over it unless it was a neighbour: off the lattice a jump is
-    mispredicted every other time, which costs more than a store. So a row has one place more than it may fill, and a
-    single comparison tells neighbours, leaving out i itself and whoever stands exactly where i does: between those no
-    force has a direction.
-    """
-    i = first + wp.tid()
-    x_i = position[i]
-    radius = parameters.list_radius
-    row = i * parameters.row_stride
-    count = int(0)
-    for j in wp.hash_grid_query(grid, x_i, radius):
-        x_ij = x_i - position[j]
-        place = wp.min(count, parameters.list_capacity - 1)
-        list_out[row + place * parameters.column_stride] = j
-        square = wp.dot(x_ij, x_ij)
-        count += wp.where(square * (radius * radius - square) > 0.0, 1, 0)
-    count_out[i] = count
+    @wp.kernel(module="unique", enable_backward=False)
+    def list_neighbours(
+        first: int,
+        grid: CellGrid,
+        parameters: Parameters,
+        start: wp.array[int],
+        cell: wp.array[int],
+        position: wp.array[wp.vec3],
+        count_out: wp.array[int],
+        list_out: wp.array[int],
+    ):
+        """All particles closer than the list radius. A count of the capacity less one says that a row was cut short.
+
+        Every candidate is written, and the next one over it unless it was a neighbour: off the lattice a jump is
+        mispredicted every other time, which costs more than a store. So a row has one place more than it may fill, and
+        a single comparison tells neighbours, leaving out i itself and whoever stands exactly where i does: between
+        those no force has a direction.
+        """
+        i = first + wp.tid()
+        x_i, cell_i = position[i], cell[i]
+        square_radius = parameters.list_radius * parameters.list_radius
+        along, row_cells, layer_cells = grid.reach[0], grid.count[0], grid.count[0] * grid.count[1]
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        row = i * parameters.row_stride
+        last = row + (parameters.list_capacity - 1) * stride
+        place = row
+        for b in range(-grid.reach[1], grid.reach[1] + 1):
+            for a in range(-grid.reach[2], grid.reach[2] + 1):
+                middle = cell_i + a * layer_cells + b * row_cells
+                j = start[middle - along]
+                end = start[middle + along + 1]
+                while j < end:
+                    x_ij = x_i - position[j]
+                    list_out[place] = j
+                    square = wp.dot(x_ij, x_ij)
+                    is_near = square * (square_radius - square) > 0.0
+                    place = wp.min(place + wp.where(is_near, stride, 0), last)
+                    j += 1
+        count_out[i] = (place - row) / stride
+
+    return list_neighbours
 
 
 @wp.kernel(enable_backward=False)
 def count_wall_points(
     first: int,
-    wall_grid: wp.uint64,
+    grid: CellGrid,
     parameters: Parameters,
+    wall_start: wp.array[int],
+    cell: wp.array[int],
     position: wp.array[wp.vec3],
     wall_position: wp.array[wp.vec3],
     count_out: wp.array[int],
@@ -77,20 +152,24 @@ def count_wall_points(
     """How many wall points lie within the list radius of each particle."""
     i = first + wp.tid()
     x_i = position[i]
-    radius = parameters.list_radius
     count = int(0)
-    for k in wp.hash_grid_query(wall_grid, x_i, radius):
-        x_ik = x_i - wall_position[k]
-        if wp.dot(x_ik, x_ik) < radius * radius:
-            count += 1
+    for b in range(-grid.reach[1], grid.reach[1] + 1):
+        for a in range(-grid.reach[2], grid.reach[2] + 1):
+            middle = cell[i] + (a * grid.count[1] + b) * grid.count[0]
+            for k in range(wall_start[middle - grid.reach[0]], wall_start[middle + grid.reach[0] + 1]):
+                x_ik = x_i - wall_position[k]
+                if wp.dot(x_ik, x_ik) < parameters.list_radius * parameters.list_radius:
+                    count += 1
     count_out[i] = count
 
 
 @wp.kernel(enable_backward=False)
 def list_wall_points(
     first: int,
-    wall_grid: wp.uint64,
+    grid: CellGrid,
     parameters: Parameters,
+    wall_start: wp.array[int],
+    cell: wp.array[int],
     position: wp.array[wp.vec3],
     wall_position: wp.array[wp.vec3],
     wall_first: wp.array[int],
@@ -99,11 +178,102 @@ def list_wall_points(
     """The wall points of particle i, at list[first[i] : first[i + 1]]."""
     i = first + wp.tid()
     x_i = position[i]
-    radius = parameters.list_radius
     n = wall_first[i]
     if n < wall_first[i + 1]:
-        for k in wp.hash_grid_query(wall_grid, x_i, radius):
-            x_ik = x_i - wall_position[k]
-            if wp.dot(x_ik, x_ik) < radius * radius:
-                list_out[n] = k
-                n += 1
+        for b in range(-grid.reach[1], grid.reach[1] + 1):
+            for a in range(-grid.reach[2], grid.reach[2] + 1):
+                middle = cell[i] + (a * grid.count[1] + b) * grid.count[0]
+                for k in range(wall_start[middle - grid.reach[0]], wall_start[middle + grid.reach[0] + 1]):
+                    x_ik = x_i - wall_position[k]
+                    if wp.dot(x_ik, x_ik) < parameters.list_radius * parameters.list_radius:
+                        list_out[n] = k
+                        n += 1
+
+
+@wp.kernel(enable_backward=False)
+def bound_motion(
+    first: int,
+    grid: CellGrid,
+    lookahead: float,
+    start: wp.array[int],
+    dt: wp.array[float],
+    position_volume: wp.array[wp.vec4],
+    velocity_pressure: wp.array[wp.vec4],
+    acceleration: wp.array[wp.vec3],
+    listed_position: wp.array[wp.vec3],
+    lower_out: wp.array[wp.vec3],
+    upper_out: wp.array[wp.vec3],
+):
+    """Bounds of how far the particles of each block will have moved since they were listed, `lookahead` steps on [m].
+
+    An empty block has its lower bound above the upper one.
+    """
+    block = first + wp.tid()
+    row = block / grid.blocks[0]
+    bx = block - row * grid.blocks[0]
+    bz = row / grid.blocks[1]
+    by = row - bz * grid.blocks[1]
+    step = lookahead * dt[0]
+    lower, upper = wp.vec3(wp.inf), wp.vec3(-wp.inf)
+    for z in range(bz * BLOCK_EDGE, wp.min((bz + 1) * BLOCK_EDGE, grid.count[2])):
+        for y in range(by * BLOCK_EDGE, wp.min((by + 1) * BLOCK_EDGE, grid.count[1])):
+            cells = (z * grid.count[1] + y) * grid.count[0]
+            begin = start[cells + bx * BLOCK_EDGE]
+            end = start[cells + wp.min((bx + 1) * BLOCK_EDGE, grid.count[0])]
+            for i in range(begin, end):
+                xV, up = position_volume[i], velocity_pressure[i]
+                now = wp.vec3(xV[0], xV[1], xV[2]) - listed_position[i]
+                soon = now + step * (wp.vec3(up[0], up[1], up[2]) + step * acceleration[i])
+                lower = wp.min(lower, soon)
+                upper = wp.max(upper, soon)
+    lower_out[block] = lower
+    upper_out[block] = upper
+
+
+@wp.kernel(enable_backward=False)
+def compare_motion(
+    first: int,
+    grid: CellGrid,
+    skin: float,
+    support: float,
+    lower: wp.array[wp.vec3],
+    upper: wp.array[wp.vec3],
+    strain_out: wp.array[float],
+):
+    """How much of what the lists allow has been used up about each block; above 1 a pair may be missing.
+
+    Two particles that are not on each other's list come within the support only by moving, relative to each other, by
+    more than the skin if their blocks touch, by more than edge - support if one block lies between, and by more than
+    2 edge - support if two do [m]. What moves together as a whole needs no new list until it has gone that far.
+    """
+    block = first + wp.tid()
+    row = block / grid.blocks[0]
+    bx = block - row * grid.blocks[0]
+    bz = row / grid.blocks[1]
+    by = row - bz * grid.blocks[1]
+    least, most = wp.vec3(lower[block]), wp.vec3(upper[block])
+    strain = float(0.0)
+    if least[0] <= most[0]:
+        edge = float(BLOCK_EDGE) / grid.inverse_edge
+        alone = 2.0 * wp.length(wp.max(-least, most))
+        strain = alone / (2.0 * edge - support)
+        ring = wp.where(alone > edge - support, 2, 1)
+        for z in range(wp.max(bz - ring, 0), wp.min(bz + ring + 1, grid.blocks[2])):
+            for y in range(wp.max(by - ring, 0), wp.min(by + ring + 1, grid.blocks[1])):
+                for x in range(wp.max(bx - ring, 0), wp.min(bx + ring + 1, grid.blocks[0])):
+                    other = (z * grid.blocks[1] + y) * grid.blocks[0] + x
+                    if lower[other][0] <= upper[other][0]:
+                        apart = wp.length(wp.max(upper[other] - least, most - lower[other]))
+                        touch = wp.max(wp.max(wp.abs(x - bx), wp.abs(y - by)), wp.abs(z - bz)) <= 1
+                        strain = wp.max(strain, apart / wp.where(touch, skin, edge - support))
+    strain_out[block] = strain
+
+
+@wp.kernel(enable_backward=False)
+def largest_of_blocks(first: int, count: int, block_size: int, values: wp.array[float], largest_out: wp.array[float]):
+    """The largest of `block_size` values in a row, at least 0."""
+    block = first + wp.tid()
+    largest = float(0.0)
+    for i in range(block * block_size, wp.min((block + 1) * block_size, count)):
+        largest = wp.max(largest, values[i])
+    largest_out[block] = largest

@@ -26,7 +26,7 @@ class Gauges:
         if not gauges:
             return
         points = [
-            np.stack([np.full_like(z, gauge.x), np.zeros_like(z), z], axis=1)
+            np.stack([np.full_like(z, gauge.x), np.full_like(z, gauge.y or 0.0), z], axis=1)
             for gauge, z in zip(gauges, self._heights, strict=True)
         ]
         device = model.launcher.device
@@ -35,7 +35,10 @@ class Gauges:
         self._measure = model.launcher.record(
             volume_fraction_kernel(model.scene.smoothing.kernel),
             len(points),
-            [neighbours.grid.id, model.parameters, points, state.position_volume, self._fraction],
+            [
+                *(model.grid, model.parameters, model.support + model.longest_motion, neighbours.cells.start),
+                *(points, state.position_volume, self._fraction),
+            ],
         )
 
     def _column(self, bottom: float, top: float) -> np.ndarray:

@@ -5,12 +5,11 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import warp as wp
-
-Launch = Callable[[], None]
 
 
 class DeviceError(RuntimeError):
@@ -40,6 +39,29 @@ def _native_messages_silenced() -> Iterator[None]:
         os.close(nowhere)
 
 
+class Launch:
+    """A launch that can be repeated by calling it.
+
+    Attributes:
+        parts: One command for each thread.
+    """
+
+    def __init__(self, parts: Sequence[Callable[[], None]], pool: ThreadPoolExecutor | None) -> None:
+        self.parts, self._pool = list(parts), pool
+
+    def __call__(self) -> None:
+        """Run all parts; the calling thread takes the first."""
+        pending = [self._pool.submit(part) for part in self.parts[1:]]
+        self.parts[0]()
+        for part in pending:
+            part.result()
+
+
+def _run_all(commands: Sequence[Callable[[], None]]) -> None:
+    for command in commands:
+        command()
+
+
 class Launcher:
     """Records kernel launches on one device and replays them.
 
@@ -66,7 +88,7 @@ class Launcher:
         # The calling thread takes a part too.
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
 
-    def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> Launch:
+    def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> "Launch":
         """A callable that launches `kernel` over 0..count-1 each time that it is called.
 
         `arguments` are those after `first`. Arrays are bound now: write into them in place.
@@ -77,17 +99,23 @@ class Launcher:
             wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments], device=self.device, record_cmd=True).launch
             for begin, end in pairwise(edges)
         ]
-        if len(commands) == 1:
-            return commands[0]
-        mine, others, submit = commands[0], commands[1:], self._pool.submit
+        return Launch(commands, self._pool)
 
-        def launch() -> None:
-            pending = [submit(command) for command in others]
-            mine()
-            for part in pending:
-                part.result()
+    def chain(self, *launches: "Launch") -> "Launch":
+        """Launches over the same particles in one go: each thread runs all of them on its part before threads meet.
 
-        return launch
+        None of them may read what another writes of other particles.
+        """
+        parts = zip(*(launch.parts for launch in launches), strict=True)
+        return Launch([partial(_run_all, commands) for commands in parts], self._pool)
+
+    def packed(self, array: wp.array) -> wp.array:
+        """Quadruples as the pair loops of this device read them: vectors on a GPU, floats end to end on a CPU."""
+        if self.device.is_cuda:
+            return array
+        flat = wp.array(ptr=array.ptr, dtype=float, shape=4 * len(array), device=self.device)
+        flat._keep = array  # an alias does not keep the memory that it looks at
+        return flat
 
     def run(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> None:
         """Launch once."""

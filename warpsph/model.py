@@ -5,17 +5,20 @@ import math
 import numpy as np
 import warp as wp
 
+from warpsph.cells import Cells, cell_grid
 from warpsph.geometry import Placement
+from warpsph.kernels.neighbours import BLOCK_EDGE
 from warpsph.kernels.parameters import Parameters
+from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.launch import Launcher
 from warpsph.scene import Material, Scene
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
-SKIN = 0.2
-# Rows hold this many times the neighbours of an undisturbed lattice; a fluller row makes the list grow.
-ROOM = 1.5
+SKIN = 0.1
+# Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
+ROOM = 1.3
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
 LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
 
@@ -30,12 +33,15 @@ class Model:
         initial_density: [kg/m3], hydrostatic below each fluid's top, shape [particle_count].
         initial_fluid: Index into `scene.fluids`, shape [particle_count].
         ground: Height of the lowest point of the walls [m].
-        wall_position: Wall points [m], on the device, shape [wall_count].
+        grid: Cells over the scene.
+        wall_position: Wall points [m], on the device, sorted by cell, shape [wall_count].
+        wall_start: Slots of the wall points of each cell, as in `Cells.start`.
     """
 
     def __init__(self, scene: Scene, placement: Placement, launcher: Launcher) -> None:
         self.scene = scene
         self.launcher = launcher
+        self.layout = CUDA_LAYOUT if launcher.device.is_cuda else CPU_LAYOUT
         device = launcher.device
         materials = [scene.materials[fluid.material] for fluid in scene.fluids]
 
@@ -47,27 +53,41 @@ class Model:
         self.initial_density = hydrostatic_density(materials, placement, scene.gravity)
         self.fluid_names = [fluid.name for fluid in scene.fluids]
         self.spacing = scene.spacing
-        self.cell_size = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length * (1.0 + SKIN)
-        self.skin = self.cell_size * SKIN / (1.0 + SKIN)
+        self.support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+        self.skin = SKIN * self.support
+        self.list_radius = self.support + self.skin
 
+        self.formulas = Formulas(
+            smoothing=scene.smoothing.kernel,
+            viscosity=scene.viscosity,
+            diffusion=scene.density_diffusion.model,
+            tensile_correction=scene.tensile_correction,
+            xsph=scene.xsph > 0.0,
+            mixture=len(scene.fluids) > 1,
+            dimensions=scene.dimensions,
+        )
         self.parameters = self._parameters(scene, placement, materials)
-        self.wall_position = wp.array(placement.wall_position, dtype=wp.vec3, device=device)
-        # A plane of cells for a plane scene: a third faster than a cube of them.
-        self.grid_shape = (256, 1, 32) if scene.dimensions == 2 else (128, 128, 128)
-        self.wall_grid = wp.HashGrid(*self.grid_shape, device=device)
-        self.wall_grid.build(self.wall_position, self.cell_size)
+        lower, upper = extent(placement)
+        self.grid = cell_grid(lower, upper, self.list_radius, scene.dimensions, self.particle_count)
+        # Lists are made anew before any particle has gone farther than this since it was listed [m].
+        self.longest_motion = int(BLOCK_EDGE) / self.grid.inverse_edge - 0.5 * self.support
+        cells = Cells(self.grid, wp.array(placement.wall_position, dtype=wp.vec3, device=device), launcher)
+        cells.sort()
+        order = cells.order.numpy()[: len(placement.wall_position)]
+        self.wall_position = wp.array(placement.wall_position[order], dtype=wp.vec3, device=device)
+        self.wall_start = cells.start
 
     def _parameters(self, scene: Scene, placement: Placement, materials: list[Material]) -> Parameters:
         kernel = SMOOTHING[scene.smoothing.kernel]
         dimensions, dx, h = scene.dimensions, scene.spacing, scene.smoothing_length
         norm = kernel.normalisation[dimensions] / h**dimensions
-        lattice = math.pi * (self.cell_size / dx) ** 2 if dimensions == 2 else 4.19 * (self.cell_size / dx) ** 3
+        lattice = math.pi * (self.list_radius / dx) ** 2 if dimensions == 2 else 4.19 * (self.list_radius / dx) ** 3
 
         p = Parameters()
         p.smoothing_length, p.inverse_h = h, 1.0 / h
         p.kernel_norm, p.gradient_norm = norm, norm / h**2
         p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
-        p.list_radius = self.cell_size
+        p.list_radius = self.list_radius
         self.set_list_capacity(p, math.ceil(ROOM * lattice))
         p.gravity = wp.vec3(0.0, 0.0, -scene.gravity)
         p.viscosity_beta = scene.viscosity_beta
@@ -105,10 +125,24 @@ class Model:
     def set_list_capacity(self, parameters: Parameters, capacity: int) -> None:
         """Room for `capacity` neighbours a particle: row by row on the CPU, column by column on a GPU (coalesced)."""
         parameters.list_capacity = capacity
-        if self.launcher.device.is_cuda:
+        if self.layout.by_column:
             parameters.row_stride, parameters.column_stride = 1, self.particle_count
         else:
             parameters.row_stride, parameters.column_stride = capacity, 1
+
+
+def extent(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
+    """Where most of the fluid will be [m], each of shape [3]: the cells' box.
+
+    It holds walls and fluid, and room above for what splashes up; a scene without walls gets room on every side.
+    """
+    points = np.concatenate([placement.wall_position, placement.position])
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    room = 0.5 * (upper - lower)
+    if not len(placement.wall_position):
+        return lower - room, upper + room
+    upper[2] += room[2]
+    return lower, upper
 
 
 def domain(placement: Placement, margin: float) -> tuple[wp.vec3, wp.vec3]:

@@ -1,21 +1,30 @@
 """Neighbours on the host's side: sorts the particles by cell and builds the lists of a state."""
 
+import math
+from collections.abc import Callable
+
 import warp as wp
 
+from warpsph.cells import Cells
 from warpsph.kernels import neighbours as kernels
 from warpsph.launch import Launch
 from warpsph.model import Model
 from warpsph.state import State
 
-# Beside the rows of the list: listed position, counts, the grid's cells and ids, the order and the sorting scratch.
-NEIGHBOUR_BYTES = 12 + 3 * 4 + 4 * 4 + 4 + (24 + 12 + 8 + 4 + 4)
+
+def list_bytes(model: Model) -> int:
+    """Memory of the lists, the cells of particles and walls, and the scratch for sorting [bytes]."""
+    row = 4 * (1 + model.parameters.list_capacity) + 2 * 4  # counts and entries; wall points
+    return (
+        model.particle_count * (row + 4 * 4 + 24) + 2 * 4 * math.prod(model.grid.count) + model.wall_position.capacity
+    )
 
 
 class Neighbours:
     """Verlet lists of a state: fluid neighbours in rows of fixed room, wall points end to end.
 
     Attributes:
-        grid: Hash grid over the sorted particles at the time of listing.
+        cells: The particles' cells at the time of listing.
         count, list: Neighbours of i are list[i row_stride + k column_stride], k < count[i].
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
         rebuilds: How often the lists were built.
@@ -24,7 +33,7 @@ class Neighbours:
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
         device, count = model.launcher.device, model.particle_count
-        self.grid = wp.HashGrid(*model.grid_shape, device=device)
+        self.cells = Cells(model.grid, state.listed_position, model.launcher)
         self.count = wp.zeros(count, dtype=int, device=device)
         self.list = wp.zeros(count * model.parameters.list_capacity, dtype=int, device=device)
         self.wall_count = wp.zeros(count + 1, dtype=int, device=device)
@@ -32,68 +41,75 @@ class Neighbours:
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
         self._record()
+        self._permute = self._record_permutation()
 
     def _record(self) -> None:
         """Bind the launches to the arrays as they are now."""
-        record, count = self.model.launcher.record, self.model.particle_count
-        parameters, walls, listed = self.model.parameters, self.model.wall_position, self.state.listed_position
+        model, record, count = self.model, self.model.launcher.record, self.model.particle_count
+        grid, parameters, listed, cell = model.grid, model.parameters, self.state.listed_position, self.cells.cell
         self._round = record(kernels.round_position, count, [self.state.position, listed])
-        self._list = record(kernels.list_neighbours, count, [self.grid.id, parameters, listed, self.count, self.list])
-        wall_arguments = [self.model.wall_grid.id, parameters, listed, walls]
-        self._count_walls = record(kernels.count_wall_points, count, [*wall_arguments, self.wall_count])
-        self._list_walls = record(kernels.list_wall_points, count, [*wall_arguments, self.wall_first, self.wall_list])
-        self._sort = self._record_sort()
+        self._list = record(
+            kernels.list_kernel(model.layout.by_column),
+            count,
+            [grid, parameters, self.cells.start, cell, listed, self.count, self.list],
+        )
+        walls = [grid, parameters, model.wall_start, cell, listed, model.wall_position]
+        self._count_walls = record(kernels.count_wall_points, count, [*walls, self.wall_count])
+        self._list_walls = record(kernels.list_wall_points, count, [*walls, self.wall_first, self.wall_list])
 
-    def _record_sort(self) -> list[Launch]:
-        """Launches that bring every particle array into the order of the grid, through one scratch array a type."""
+    def _record_permutation(self) -> list[Launch | Callable[[], None]]:
+        """Launches that bring every particle array into the order of the cells, through one scratch memory."""
         launcher, count = self.model.launcher, self.model.particle_count
-        order = wp.zeros(count, dtype=int, device=launcher.device)
-        launches = [launcher.record(kernels.cell_order, count, [self.grid.id, order])]
-        scratch: dict[type, wp.array] = {}
+        scratch = wp.zeros(count, dtype=wp.vec3d, device=launcher.device)
+        launches: list[Launch | Callable[[], None]] = []
         for name in State.PARTICLE:
             values = getattr(self.state, name)
-            sorted_values = scratch.setdefault(values.dtype, wp.empty_like(values))
+            permuted = wp.array(ptr=scratch.ptr, dtype=values.dtype, shape=count, device=launcher.device)
+            permuted._keep = scratch  # an alias does not keep the memory that it looks at
             gather = kernels.gather_kernel(values.dtype)
-            launches.append(launcher.record(gather, count, [order, values, sorted_values]))
-            launches.append(lambda values=values, sorted_values=sorted_values: wp.copy(values, sorted_values))
+            launches.append(launcher.record(gather, count, [self.cells.order, values, permuted]))
+            launches.append(lambda values=values, permuted=permuted: wp.copy(values, permuted))
         return launches
 
     def rebuild(self) -> bool:
         """Sort the particles by cell and list their neighbours where they are now. Returns as `relist` does."""
         self._round()
-        self.grid.build(self.state.listed_position, self.model.cell_size)
-        for launch in self._sort:
+        self.cells.sort()
+        for launch in self._permute:
             launch()
         self._round()
-        self.state.moved.zero_()
-        return self.relist()
+        return self._fill_lists()
 
     def relist(self) -> bool:
-        """List the neighbours at `state.listed_position`.
+        """List the neighbours at `state.listed_position`, by which the particles are sorted already.
 
         Returns True when a list had to grow: launches that were bound to the old one must be recorded again.
         """
-        self.grid.build(self.state.listed_position, self.model.cell_size)
+        self.cells.sort()
+        return self._fill_lists()
+
+    def _fill_lists(self) -> bool:
         self._list()
         self._count_walls()
         wp.utils.array_scan(self.wall_count, self.wall_first, inclusive=False)
         grown = self._grow()
         self._list_walls()
+        self.state.stale.zero_()
         self.rebuilds += 1
         return grown
 
     def _grow(self) -> bool:
         """Make room where a row or the wall list was too short."""
         model, device = self.model, self.model.launcher.device
-        longest, wall_total = int(self.count.numpy().max()), int(self.wall_first.numpy()[-1])
-        capacity = model.parameters.list_capacity
-        if longest < capacity and wall_total <= len(self.wall_list):
-            return False
-        if longest >= capacity:
-            model.set_list_capacity(model.parameters, longest + longest // 8 + 1)
-            self.list = wp.zeros(model.particle_count * model.parameters.list_capacity, dtype=int, device=device)
-        if wall_total > len(self.wall_list):
+        wall_total = int(self.wall_first.numpy()[-1])
+        grown = wall_total > len(self.wall_list)
+        if grown:
             self.wall_list = wp.zeros(wall_total + wall_total // 4, dtype=int, device=device)
-        self._record()
-        self._list()
-        return True
+            self._record()
+        while int(self.count.numpy().max()) >= (capacity := model.parameters.list_capacity) - 1:  # cut short, perhaps
+            model.set_list_capacity(model.parameters, capacity + capacity // 4 + 1)
+            self.list = wp.zeros(model.particle_count * model.parameters.list_capacity, dtype=int, device=device)
+            self._record()
+            self._list()
+            grown = True
+        return grown

@@ -12,7 +12,7 @@ from warpsph.geometry import Placement, place
 from warpsph.kernels import integrators
 from warpsph.launch import Launcher
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
-from warpsph.neighbours import NEIGHBOUR_BYTES
+from warpsph.neighbours import list_bytes
 from warpsph.scene import Scene
 from warpsph.state import State
 from warpsph.step import Step
@@ -85,8 +85,7 @@ class Simulation:
             BlowUpError: a particle became absurd on the way.
         """
         self.step.aim_at(time)
-        while float(self.state.dt.numpy()[0]) > 0.0:
-            self.step()
+        self.step.run()
         fault = int(self.state.fault.numpy()[0])
         if fault:
             raise BlowUpError(self._describe(fault))
@@ -117,19 +116,18 @@ class Forecast:
 
 
 def forecast(scene: Scene, launcher: Launcher) -> Forecast:
-    """Place the particles and allocate their arrays, but compile and run nothing. Raises SceneError."""
+    """Place the particles and allocate their arrays, but take no step. Raises SceneError."""
     placement = place(scene)
     model = Model(scene, placement, launcher)
     state = State(model)
     arrays = [array for array in vars(state).values() if isinstance(array, wp.array)]
-    lists = model.particle_count * (4 * model.parameters.list_capacity + NEIGHBOUR_BYTES)
     speed = float(np.linalg.norm(placement.velocity, axis=1).max())
     first_dt = scene.run.courant * scene.smoothing_length / (float(model.parameters.sound_speed.numpy().max()) + speed)
     return Forecast(
         particle_count=model.particle_count,
         counts={name: int(np.sum(placement.fluid == f)) for f, name in enumerate(model.fluid_names)},
         wall_count=len(placement.wall_position),
-        memory=sum(array.capacity for array in arrays) + lists,
+        memory=sum(array.capacity for array in arrays) + list_bytes(model),
         first_dt=first_dt,
         steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),
         warnings=placement.warnings,

@@ -1,5 +1,6 @@
 """State: the arrays that change from step to step, allocated once."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,9 +45,12 @@ class State:
     """
 
     # A particle's own history: permuted when slots are sorted.
-    PARTICLE = ("id", "fluid", "position", "velocity", "density", "acceleration", "density_rate", "xsph_velocity")
+    PARTICLE = (
+        *("id", "fluid", "position", "velocity", "density"),
+        *("acceleration", "density_rate", "last_diffusion_rate", "xsph_velocity"),
+    )
     # All that a checkpoint keeps: with the place where particles were listed, a resumed run sums in the same order.
-    KEPT = (*PARTICLE, "time", "dt", "dt_limit", "step", "moved", "speed", "listed_position", "work")
+    KEPT = (*PARTICLE, "time", "dt", "dt_limit", "step", "stale", "listed_position", "work")
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -65,6 +69,7 @@ class State:
         self.density = array(model.initial_density, wp.float64)  # [kg/m3]
         self.acceleration = zeros(wp.vec3)  # of the last kick [m/s2]
         self.density_rate = zeros(float)  # [kg/m3/s]
+        self.last_diffusion_rate = zeros(float)  # by diffusion, in the last step [kg/m3/s]
         self.xsph_velocity = zeros(wp.vec3)  # [m/s]
 
         self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
@@ -75,18 +80,25 @@ class State:
         self.pressure_acceleration = zeros(wp.vec3)  # [m/s2]
         self.dissipative_acceleration = zeros(wp.vec3)
         self.wall_acceleration = zeros(wp.vec3)
-        self.diffusion_rate = zeros(float)  # the part of density_rate that is diffusion [kg/m3/s]
+        self.diffusion_rate = zeros(float)  # [kg/m3/s]
         self.wall_distance = zeros(float)  # [m]
         self.particle_dt_limit = zeros(float)  # [s]
-        self.particle_moved = zeros(float)  # [m]
-        self.particle_speed = zeros(float)  # [m/s]
         self.particle_fault = zeros(int)
-        # Dissipated, done by walls, damped since the release [J]; a slot's, not a particle's: only the sum counts.
-        self.work = zeros(wp.vec3d)
+        self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]
 
         self.block_count = -(-count // BLOCK_SIZE)
-        self.block_extremes = zeros(wp.vec3, self.block_count)
+        self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
+        self.block_dt_limit = zeros(float, self.block_count)
         self.block_fault_slot = zeros(int, self.block_count)
+
+        # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
+        # what the lists allow.
+        self.cell_block_count = math.prod(model.grid.blocks)
+        self.motion_lower = zeros(wp.vec3, self.cell_block_count)
+        self.motion_upper = zeros(wp.vec3, self.cell_block_count)
+        self.strain = zeros(float, self.cell_block_count)
+        self.strain_block_count = -(-self.cell_block_count // BLOCK_SIZE)
+        self.block_strain = zeros(float, self.strain_block_count)
 
         # The clock, one entry each.
         run = model.scene.run
@@ -96,8 +108,8 @@ class State:
         first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
         self.dt_limit = array(np.array([first_dt]), float)  # longest stable step [s]
         self.step = zeros(int, 1)
-        self.moved = zeros(float, 1)  # farthest that a particle has gone since the lists were built [m]
-        self.speed = zeros(float, 1)  # highest speed [m/s]
+        self.stale = zeros(int, 1)  # whether a pair might be missing from the lists before the next step ends
+        self.running = zeros(int, 1)  # whether the next step may be taken
         self.damping = zeros(float, 1)  # [1/s]
         self.fault = zeros(int, 1)  # what is wrong with the first absurd particle
         self.fault_slot = zeros(int, 1)

@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from warpsph.kernels import density, integrators, momentum, walls
+from warpsph.kernels import density, integrators, neighbours, walls
+from warpsph.kernels.rates import rates_kernel
 from warpsph.launch import Launch
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
@@ -10,103 +11,165 @@ from warpsph.state import BLOCK_SIZE, State
 
 
 class Step:
-    """Advances a state by Verlet steps (Vasco 2014, eq 76-80)."""
+    """Advances a state by Verlet steps of length `state.dt` (Vasco 2014, eq 76-80).
+
+    Within a step nothing is read back by the host and nothing is allocated.
+
+    Attributes:
+        stages: What a step does, in order: a launch for each physical act.
+        evaluations: Evaluations of the forces a step.
+        sweeps: Sweeps over all pairs a step, each for one half of the rates.
+        neighbours: The lists that the step reads.
+    """
+
+    evaluations, sweeps = 1, 2
 
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
-        self.settling = False
         self.neighbours = Neighbours(model, state)
+        self.settling = False
+        s = state
         self._aim = model.launcher.record(
-            integrators.aim_clock, 1, [state.time, state.target, state.dt_limit, state.dt]
+            integrators.aim_clock, 1, [s.time, s.target, s.dt_limit, s.stale, s.fault, s.dt, s.running]
         )
         self.neighbours.rebuild()
         self._record()
-        self._drift_half()  # with dt = 0: packs position and pressure
-        self._density_rate()  # the first half step needs a rate too, or the whole run is of first order
+        self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
+        self.stages["pair loop: continuity"]()  # the first half step needs a rate too, or the run is of first order
 
     def __call__(self) -> None:
-        """Advance by one step of length `state.dt`."""
-        if self._lists_will_be_stale():
-            self._bind(self.neighbours.rebuild())
+        """Advance by one step."""
         if self.settling:
             self._rest_density()
-        self._drift_half()  # position and density to n+1/2, pressure
-        self._accelerate()  # pair loop: pressure, viscosity, tensile correction
-        self._push_off_walls()
-        self._kick_and_drift()  # velocity and position to n+1, work, limits of the next step
-        self._density_rate()  # pair loop: continuity, XSPH
-        self._finish_density()  # density to n+1
-        self._watch()
-        self._advance_clock()  # time, next dt
+        for stage in self.stages.values():
+            stage()
+
+    def run(self, most_steps: int | None = None) -> None:
+        """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
+        steps = 0
+        while most_steps is None or steps < most_steps:
+            if self.state.stale.numpy()[0]:
+                self._bind(self.neighbours.rebuild())
+                self._aim()
+            if not self.state.running.numpy()[0]:
+                return
+            self()
+            steps += 1
 
     def resume(self) -> None:
         """Take up a state that was read from a checkpoint."""
+        stale = bool(self.state.stale.numpy()[0])
         self._bind(self.neighbours.relist())
-        self._drift_half()  # with dt = 0: packs position and pressure
-
-    def _bind(self, grown: bool) -> None:
-        if grown:
-            self._record()
+        self.state.stale.fill_(stale)
+        self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
         self.state.target.fill_(time)
         self._aim()
 
-    def _lists_will_be_stale(self) -> bool:
-        """Whether two particles could come within the support, unlisted, before the coming step ends."""
-        s = self.state
-        moved, speed, dt = (float(a.numpy()[0]) for a in (s.moved, s.speed, s.dt))
-        return moved + 1.25 * dt * speed > 0.5 * self.model.skin
+    def _bind(self, grown: bool) -> None:
+        if grown:
+            self._record()
 
     def _record(self) -> None:
         """Bind every stage to its arrays."""
-        m, s, n = self.model, self.state, self.neighbours
-        scene, p, count = m.scene, m.parameters, m.particle_count
+        s = self.state
+        self._rest_density = self._launch(
+            density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
+        )
+        launcher = self.model.launcher
+        finish_density = launcher.record(
+            integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
+        )
+        self.stages = {
+            "drift, pressure": self._drift_half(),  # position and density to n+1/2
+            # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls.
+            "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), self._walls()),
+            "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
+            # Continuity and XSPH; density to n+1.
+            "pair loop: continuity": launcher.chain(self._sweep(momentum=False), finish_density),
+            **self._clock(),  # time, the next step, whether the lists will last
+        }
 
-        def record(kernel: wp.Kernel, *arguments: object, count: int = count) -> Launch:
-            return m.launcher.record(kernel, count, arguments)
+    # ---------------------------------------------------------------------------------------------------- the launches
 
-        packed = (s.position_volume, s.velocity_pressure, s.fluid)
-        smoothing = scene.smoothing.kernel
-        self._rest_density = record(density.rest_density, p, s.position, s.fluid, s.density, s.density_rate)
-        self._drift_half = record(
+    def _launch(self, kernel: wp.Kernel, *arguments: object, count: int | None = None) -> Launch:
+        m = self.model
+        return m.launcher.record(kernel, m.particle_count if count is None else count, [m.parameters, *arguments])
+
+    def _drift_half(self) -> Launch:
+        s = self.state
+        return self._launch(
             integrators.drift_half,
-            *(p, s.dt, s.velocity, s.xsph_velocity, s.acceleration, s.density_rate, s.fluid),
+            *(s.dt, s.velocity, s.xsph_velocity, s.acceleration, s.density_rate, s.last_diffusion_rate, s.fluid),
             *(s.position, s.density, s.position_volume, s.velocity_pressure),
         )
-        self._accelerate = record(
-            momentum.acceleration_kernel(smoothing, scene.viscosity, scene.tensile_correction),
-            *(p, *packed, n.count, n.list, s.pressure_acceleration, s.dissipative_acceleration),
+
+    def _sweep(self, momentum: bool = True, continuity: bool = True) -> Launch:
+        s, m, n = self.state, self.model, self.neighbours
+        return self._launch(
+            rates_kernel(m.formulas, m.layout, momentum, continuity),
+            *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid, n.count, n.list),
+            *(s.pressure_acceleration, s.dissipative_acceleration),
+            *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
         )
-        self._push_off_walls = record(
-            walls.wall_acceleration_kernel(scene.wall_model.force, smoothing),
-            *(p, *packed, m.wall_position, n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
+
+    def _walls(self) -> Launch:
+        s, m, n = self.state, self.model, self.neighbours
+        return self._launch(
+            walls.wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
+            *(s.position_volume, s.velocity_pressure, s.fluid),
+            *(m.wall_position, n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
         )
-        self._kick_and_drift = record(
+
+    def _kick(self) -> Launch:
+        s = self.state
+        return self._launch(
             integrators.kick_and_drift,
-            *(p, s.dt, s.damping, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
-            *(s.wall_distance, s.xsph_velocity, s.density, s.density_rate, s.fluid, s.listed_position),
-            *(s.position, s.velocity, s.work, s.position_volume, s.velocity_pressure, s.acceleration),
-            *(s.particle_dt_limit, s.particle_moved, s.particle_speed, s.particle_fault),
+            *(s.dt, s.damping, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
+            *(s.wall_distance, s.xsph_velocity, s.density_rate, s.diffusion_rate, s.fluid),
+            *(s.position, s.velocity, s.density, s.last_diffusion_rate, s.position_volume, s.velocity_pressure),
+            *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
         )
-        self._density_rate = record(
-            density.density_rate_kernel(smoothing, scene.density_diffusion.model),
-            *(p, *packed, n.count, n.list, s.density_rate, s.diffusion_rate, s.xsph_velocity),
-        )
-        self._finish_density = record(
-            integrators.finish_density,
-            *(p, s.dt, s.density_rate, s.diffusion_rate, *packed, s.density, s.work),
-        )
-        self._watch = record(
-            integrators.watch_blocks,
-            *(count, BLOCK_SIZE, s.particle_dt_limit, s.particle_moved, s.particle_speed, s.particle_fault),
-            *(s.block_extremes, s.block_fault_slot),
-            count=s.block_count,
-        )
-        self._advance_clock = record(
-            integrators.advance_clock,
-            *(s.block_count, s.block_extremes, s.block_fault_slot, s.particle_fault, s.target),
-            *(s.time, s.dt, s.dt_limit, s.step, s.moved, s.speed, s.fault, s.fault_slot),
-            count=1,
-        )
+
+    def _clock(self) -> dict[str, Launch]:
+        """The next time and step, and whether the lists will last."""
+        s, m = self.state, self.model
+        record, blocks = m.launcher.record, s.cell_block_count
+        lookahead = 1.25  # the next step may be a quarter longer than this one
+        return {
+            "motion since listing": record(
+                neighbours.bound_motion,
+                blocks,
+                [
+                    *(m.grid, lookahead, self.neighbours.cells.start, s.dt, s.position_volume, s.velocity_pressure),
+                    *(s.acceleration, s.listed_position, s.motion_lower, s.motion_upper),
+                ],
+            ),
+            "life of the lists": record(
+                neighbours.compare_motion,
+                blocks,
+                [m.grid, m.skin, m.support, s.motion_lower, s.motion_upper, s.strain],
+            ),
+            "largest strain": record(
+                neighbours.largest_of_blocks, s.strain_block_count, [blocks, BLOCK_SIZE, s.strain, s.block_strain]
+            ),
+            "limits of the step": record(
+                integrators.watch_blocks,
+                s.block_count,
+                [
+                    *(m.particle_count, BLOCK_SIZE, s.particle_dt_limit, s.particle_fault, s.particle_work, s.work),
+                    *(s.block_dt_limit, s.block_fault_slot),
+                ],
+            ),
+            "clock": record(
+                integrators.advance_clock,
+                1,
+                [
+                    *(s.block_count, s.strain_block_count, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
+                    *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
+                    *(s.dt_limit, s.stale, s.running),
+                ],
+            ),
+        }

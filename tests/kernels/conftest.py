@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.kernels.density import density_rate_kernel
-from warpsph.kernels.momentum import acceleration_kernel
 from warpsph.kernels.parameters import Parameters
+from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.launch import Launcher
 
@@ -48,7 +48,7 @@ class Cloud:
     ) -> None:
         """`numbers` replace fields of Parameters; `by_column` lays the neighbour list out as on a GPU."""
         n = len(x)
-        self.launcher = Launcher(device, threads=1)
+        self.launcher, self.by_column = Launcher(device, threads=1), by_column
         self.smoothing, self.h = smoothing, ratio * spacing
         self.x = np.asarray(x, np.float32).astype(float)
         self.u = np.broadcast_to(np.asarray(u, np.float32), (n, 3)).astype(float)
@@ -104,15 +104,22 @@ class Cloud:
         self.launcher.run(kernel, len(self.x), [self.parameters, *inputs, *written])
         return [array.numpy().astype(float) for array in written]
 
+    def rates(self, momentum: bool = True, continuity: bool = True, **formulas: str | bool | int) -> list[np.ndarray]:
+        """Acceleration by pressure and by dissipation [m/s2] [n, 3], rate of density by continuity and by diffusion
+        [kg/m3/s] [n], XSPH velocity [m/s] [n, 3]; zero where that half of the loop is left out."""
+        packed = [self.launcher.packed(array) for array in (self.position_volume, self.velocity_pressure)]
+        inputs = [*packed, self.fluids, self.neighbour_count, self.neighbour_list]
+        layout = replace(CUDA_LAYOUT if self.launcher.device.is_cuda else CPU_LAYOUT, by_column=self.by_column)
+        kernel = rates_kernel(Formulas(smoothing=self.smoothing, **formulas), layout, momentum, continuity)
+        return self.run(kernel, inputs, [wp.vec3, wp.vec3, float, float, wp.vec3])
+
     def acceleration(self, viscosity: str = "signal", tensile_correction: bool = False) -> list[np.ndarray]:
         """By pressure and by dissipation [m/s2], each of shape [n, 3]."""
-        inputs = [self.position_volume, self.velocity_pressure, self.fluids, self.neighbour_count, self.neighbour_list]
-        return self.run(acceleration_kernel(self.smoothing, viscosity, tensile_correction), inputs, [wp.vec3, wp.vec3])
+        return self.rates(continuity=False, viscosity=viscosity, tensile_correction=tensile_correction)[:2]
 
     def density_rate(self, diffusion: str = "none") -> list[np.ndarray]:
-        """The rate [kg/m3/s] [n], the part of it that is diffusion [n], and the XSPH velocity [m/s] [n, 3]."""
-        inputs = [self.position_volume, self.velocity_pressure, self.fluids, self.neighbour_count, self.neighbour_list]
-        return self.run(density_rate_kernel(self.smoothing, diffusion), inputs, [float, float, wp.vec3])
+        """The rate by continuity and by diffusion [kg/m3/s] [n], and the XSPH velocity [m/s] [n, 3]."""
+        return self.rates(diffusion=diffusion, xsph=True)[2:]
 
     @cached_property
     def x_ij(self) -> np.ndarray:

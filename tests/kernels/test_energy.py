@@ -20,7 +20,7 @@ def summed(make_cloud):
     fluid = (random.uniform(size=n) > 0.6).astype(np.int32)
     density = np.array([1000.0, 2530.0])[fluid] * random.uniform(0.97, 1.03, n)
     cloud = make_cloud(x, u=random.normal(size=(n, 3)), rho=density, fluid=fluid, stiffening=[1.0, 0.0])
-    work = random.uniform(size=(n, 3))
+    work = random.uniform(size=(4, 3))
     rows = 4 * FLUIDS
     sums = wp.zeros((rows, energy.COLUMN_COUNT), dtype=wp.float64, device=cloud.launcher.device)
     arrays = [
@@ -58,7 +58,7 @@ def test_sums_of_each_fluid(summed):
 
 
 def test_work_is_counted_once(summed):
-    """It belongs to slots, not to fluids, and is booked under the first."""
+    """It belongs to blocks, not to fluids, and is booked under the first."""
     _, _, work, blocks = summed
     columns = [energy.DISSIPATED, energy.WALL_WORK, energy.DAMPED]
     np.testing.assert_allclose(blocks[:, 0, columns].sum(axis=0), work.sum(axis=0), rtol=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.cells import Cells, cell_grid
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 
@@ -19,11 +20,16 @@ def fraction_at(make_cloud):
 
     def measure(smoothing: str, x: np.ndarray, points: np.ndarray) -> np.ndarray:
         cloud = make_cloud(x, smoothing=smoothing)
-        grid = wp.HashGrid(256, 1, 32, device=cloud.launcher.device)
-        grid.build(cloud.array(cloud.x, wp.vec3), cloud.parameters.list_radius)
+        position = cloud.array(cloud.x, wp.vec3)
+        grid = cell_grid(cloud.x.min(axis=0), cloud.x.max(axis=0), cloud.parameters.list_radius, 2, len(cloud.x))
+        cells = Cells(grid, position, cloud.launcher)
+        cells.sort()
+        order = cells.order.numpy()[: len(cloud.x)]
+        volumes = cloud.array(cloud.position_volume.numpy()[order], wp.vec4)
         points = cloud.array(points, wp.vec3)
         fraction = wp.zeros(len(points), dtype=float, device=cloud.launcher.device)
-        arguments = [grid.id, cloud.parameters, points, cloud.position_volume, fraction]
+        reach = SMOOTHING[smoothing].support * cloud.h
+        arguments = [grid, cloud.parameters, reach, cells.start, points, volumes, fraction]
         cloud.launcher.run(volume_fraction_kernel(smoothing), len(points), arguments)
         return fraction.numpy()
 

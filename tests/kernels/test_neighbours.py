@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from warpsph.geometry import place
+from warpsph.kernels import neighbours as kernels
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.launch import Launcher
 from warpsph.model import SKIN, Model
@@ -25,13 +26,16 @@ wall_model: {set_back: 0.0}
 fluids: [{name: water, material: water, shape: {box: {min: [0.0, 1.0], max: [0.2, 1.2]}}}]
 run: {end_time: 1.0}
 """
-REACH = 2.0 * 0.15 * (1.0 + SKIN)  # of a list, which is the edge of a cell too [m]
+REACH = 2.0 * 0.15 * (1.0 + SKIN)  # of a list [m]
 
 
 class Listed:
     """Lists that were built once for particles at `x` [m], shape [n, 3]."""
 
-    def __init__(self, scene, device: str, x: np.ndarray, capacity: int | None = None) -> None:
+    def __init__(
+        self, scene, device: str, x: np.ndarray, capacity: int | None = None, later: np.ndarray | None = None
+    ) -> None:
+        """The last of them are brought to `later` [m] only after the model was made for `x`."""
         self.x, n = x, len(x)
         placement = replace(
             place(scene),
@@ -44,6 +48,9 @@ class Listed:
         if capacity:
             self.model.set_list_capacity(self.model.parameters, capacity)
         self.state = State(self.model)
+        if later is not None:
+            self.x = np.concatenate([x[: n - len(later)], later])
+            self.state.position.assign(self.x)
         self.neighbours = Neighbours(self.model, self.state)
         self.grew = self.neighbours.rebuild()
 
@@ -108,17 +115,18 @@ def test_lists_are_those_of_a_search_of_all_pairs(listed, low, high):
     assert_lists(listed(x).pairs(), x, x)
 
 
-def test_cells_that_share_a_slot_of_the_grid_are_told_apart(listed):
-    """The grid repeats itself every 256 cells along x and every 32 along z, where other particles share its slots."""
-    near = cloud(120, (-1.0, -1.0), (1.0, 1.0))
-    turns = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -2), (3, 1)]
-    x = np.concatenate([near + REACH * np.array([256 * a, 0, 32 * b]) for a, b in turns])
-    assert_lists(listed(x).pairs(), x, x)
+def test_what_is_outside_the_cells_is_listed_too(listed):
+    """The cells hold the scene and some room around it; whatever has gone farther counts to the outermost ones."""
+    far = [cloud(60, (x, z), (x + 1.0, z + 1.0)) for x, z in ((-90.0, 0.0), (40.0, -70.0), (0.0, 500.0), (1e6, 0.0))]
+    made = listed(cloud(400, (-1.0, -1.0), (1.0, 1.0)), later=np.concatenate(far))
+    assert_lists(made.pairs(), made.x, made.x)
 
 
-def test_a_cloud_far_wider_than_the_grid(listed):
+def test_a_cloud_so_wide_that_cells_are(listed):
     x = np.concatenate([cloud(800, (-200.0, -30.0), (200.0, 30.0)), cloud(400, (-130.0, 0.0), (130.0, 0.2))])
-    assert_lists(listed(x).pairs(), x, x)
+    made = listed(x)
+    assert 1.0 / made.model.grid.inverse_edge > 2.0 * REACH
+    assert_lists(made.pairs(), x, x)
 
 
 @pytest.mark.parametrize("kernel", SMOOTHING)
@@ -165,9 +173,14 @@ def test_particles_move_slots_whole(listed):
 
 def test_slots_of_a_cell_lie_together(listed):
     made = listed(cloud(500, (-3.0, -3.0), (3.0, 3.0)))
-    cell = np.floor(made.neighbours.state.listed_position.numpy() / np.float32(REACH)).astype(int)[:, [0, 2]]
-    changes = np.any(np.diff(cell, axis=0) != 0, axis=1).sum()
-    assert changes + 1 == len(np.unique(cell, axis=0))
+    grid = made.model.grid
+    axes = list(grid.axes)
+    offset = made.state.listed_position.numpy()[:, axes] - np.array(grid.origin)
+    cell = np.clip(np.floor(offset * grid.inverse_edge), 0, np.array(grid.inner) - 1).astype(int) + np.array(grid.reach)
+    number = (cell[:, 2] * grid.count[1] + cell[:, 1]) * grid.count[0] + cell[:, 0]
+    assert np.all(np.diff(number) >= 0)
+    start = made.neighbours.cells.start.numpy()
+    np.testing.assert_array_equal(start, np.searchsorted(number, np.arange(len(start))))
 
 
 def test_sorting_what_is_sorted_changes_nothing(listed):
@@ -176,3 +189,61 @@ def test_sorting_what_is_sorted_changes_nothing(listed):
     made.neighbours.rebuild()
     np.testing.assert_array_equal(made.id, before)
     np.testing.assert_array_equal(made.neighbours.list.numpy(), entries)
+
+
+# ------------------------------------------------------------------------------------------------ life of the lists
+
+
+def strain(made: Listed, moved: np.ndarray, velocity: float = 0.0, lookahead: float = 0.0) -> float:
+    """The largest strain after the particles moved by `moved` [m], shape [n, 3], listed by id."""
+    state, model, n = made.state, made.model, len(made.x)
+    new = state.listed_position.numpy() + moved[made.id]
+    volumes = np.column_stack([new, np.ones(n)])
+    state.position_volume.assign(volumes.astype(np.float32))
+    state.velocity_pressure.assign(np.tile(np.float32([velocity, 0.0, 0.0, 0.0]), (n, 1)))
+    state.dt.fill_(1.0)
+    launcher, blocks = model.launcher, state.cell_block_count
+    arrays = [state.acceleration, state.listed_position, state.motion_lower, state.motion_upper]
+    packed = [made.neighbours.cells.start, state.dt, state.position_volume, state.velocity_pressure]
+    launcher.run(kernels.bound_motion, blocks, [model.grid, lookahead, *packed, *arrays])
+    bounds = [model.grid, model.skin, model.support, state.motion_lower, state.motion_upper, state.strain]
+    launcher.run(kernels.compare_motion, blocks, bounds)
+    return float(state.strain.numpy().max())
+
+
+def test_what_moves_as_a_whole_needs_no_new_list(listed):
+    """Until it has gone so far that it might meet what is not near it now."""
+    made = listed(cloud(400, (-1.5, -1.5), (1.5, 1.5)))
+    together = np.tile([3.0 * made.model.skin, 0.0, -2.0 * made.model.skin], (400, 1))
+    assert 0.0 < strain(made, together) < 1.0
+    assert strain(made, 20.0 * together) > 1.0
+
+
+def test_strain_is_the_relative_motion_over_the_skin(listed):
+    """Two particles a list radius apart, one of which moves by a share of the skin."""
+    made = listed(np.array([[0.0, 0.0, 0.0], [REACH, 0.0, 0.0]]))
+    moved = np.array([[0.7 * made.model.skin, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert strain(made, moved) == pytest.approx(0.7, rel=1e-4)
+
+
+def test_strain_looks_ahead(listed):
+    """A step and a half on, but what moves together still moves together then."""
+    made = listed(np.array([[0.0, 0.0, 0.0]]))
+    still, longest = np.zeros((1, 3)), made.model.longest_motion
+    assert strain(made, still, velocity=0.5 * longest) == 0.0
+    assert strain(made, still, velocity=0.5 * longest, lookahead=1.5) == pytest.approx(0.75, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_pair_is_missing_while_strain_is_below_one(listed, seed):
+    """Whatever the motion: of each particle by itself, as a shear, as a whole."""
+    made = listed(cloud(500, (-1.5, -1.5), (1.5, 1.5), seed))
+    random, skin = np.random.default_rng(seed), made.model.skin
+    moved = random.normal(size=(500, 3)) * [0.1, 0.0, 0.1] + random.normal(size=3) * [3.0, 0.0, 3.0]
+    moved += made.x @ (0.2 * random.normal(size=(3, 3))) * [1.0, 0.0, 1.0]
+    moved *= 0.999 * skin / (strain(made, skin * moved) * skin)
+    assert strain(made, skin * moved) < 1.0
+    x = made.x + skin * moved
+    distance = np.linalg.norm(x[:, None] - x, axis=2)
+    np.fill_diagonal(distance, np.inf)
+    assert made.pairs()[distance < made.model.support].all()

@@ -116,6 +116,11 @@ BREACHES = {
     "kernel without docstring": ("docstring", '        """a_i by drag."""\n', ""),
     "function without docstring": ("docstring", '    """Opposes the velocity."""\n', ""),
     "static": ("banned-call", "scale * law", "wp.static(2.0) * law"),
+    "static number in a condition": (
+        "banned-call",
+        "total = wp.vec3()",
+        "total = wp.vec3()\n        if wp.static(2.0) > 1.0:\n            total = wp.vec3(1.0)",
+    ),
     "print": ("banned-call", "total = wp.vec3()", "total = wp.vec3()\n        print(i)"),
     "printf": ("banned-call", "total = wp.vec3()", 'total = wp.vec3()\n        wp.printf("%d", i)'),
 }
@@ -135,6 +140,10 @@ ALLOWED = {
         "def _drag(u: wp.vec3) -> wp.vec3:\n",
     ),
     "a local vector that is written": ("total = wp.vec3()", "total = wp.vec3()\n        total[1] = 0.0"),
+    "a term that is switched off": (
+        "total = wp.vec3()",
+        "total = wp.vec3()\n        if wp.static(drag):\n            total = wp.vec3(1.0)",
+    ),
     "an integer array annotation": ("scale: float,", "scale: float,\n        count: wp.array[wp.int32],"),
 }
 

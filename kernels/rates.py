@@ -1,0 +1,223 @@
+"""The pair loop: acceleration and rate of density of every particle, in one sweep over its neighbours."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from .density import DENSITY_DIFFUSION
+from .momentum import tensile
+from .parameters import Parameters
+from .smoothing import SMOOTHING
+from .viscosity import VISCOSITY
+
+# Leave to add the terms of a sum in any order: without it no compiler runs several pairs at once. NaN and infinity keep
+# their meaning. Two vectors of pairs in flight hide each other's gathers. (Options of LLVM, for the CPU; CUDA does not
+# read them.)
+REORDER_SUMS = " -mreassociate -fno-signed-zeros -mllvm=-force-vector-interleave=2"
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """What the pair loop closes over.
+
+    Attributes:
+        smoothing, viscosity, diffusion: Names in SMOOTHING, VISCOSITY and DENSITY_DIFFUSION.
+        tensile_correction, xsph: Whether these are in.
+        mixture: Whether there are several fluids; for one its numbers are loaded once.
+        dimensions: Of space; in a plane nothing is done about y.
+    """
+
+    smoothing: str = "wendland_c2"
+    viscosity: str = "signal"
+    diffusion: str = "none"
+    tensile_correction: bool = False
+    xsph: bool = False
+    mixture: bool = True
+    dimensions: int = 3
+
+
+@wp.func
+def load_floats(packed: wp.array[float], i: int):
+    """Entry i of quadruples that lie end to end."""
+    return packed[4 * i], packed[4 * i + 1], packed[4 * i + 2], packed[4 * i + 3]
+
+
+@wp.func
+def load_floats_in_plane(packed: wp.array[float], i: int):
+    """The same where the second of each four is known to be 0: every term of it vanishes from the loop."""
+    return packed[4 * i], 0.0, packed[4 * i + 2], packed[4 * i + 3]
+
+
+@wp.func
+def load_vector(packed: wp.array[wp.vec4], i: int):
+    """Entry i of an array of vectors, in one load."""
+    four = packed[i]
+    return four[0], four[1], four[2], four[3]
+
+
+@wp.func
+def load_vector_in_plane(packed: wp.array[wp.vec4], i: int):
+    """The same where the second of each four is known to be 0."""
+    four = packed[i]
+    return four[0], 0.0, four[2], four[3]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the pair loop reads memory.
+
+    Attributes:
+        packed: Type under which (x, y, z, V) and (u, v, w, p) are handed over: the same memory, seen in two ways.
+        load: wp.func that loads one quadruple, by dimension of space.
+        by_column: Whether the lists lie column by column, so that a warp reads side by side, or row by row.
+    """
+
+    packed: Any
+    load: Mapping[int, Callable[..., Any]]
+    by_column: bool
+
+    def __hash__(self) -> int:
+        return hash(self.by_column)
+
+
+# A GPU loads four floats at once. On a CPU such a load ties the four together and the loop stays scalar; floats by
+# themselves are gathered for 8 or 16 neighbours at a time.
+CPU_LAYOUT = Layout(float, {2: load_floats_in_plane, 3: load_floats}, False)
+CUDA_LAYOUT = Layout(wp.vec4, {2: load_vector_in_plane, 3: load_vector}, True)
+
+
+@wp.func
+def fluid_of(fluid: wp.array[int], j: int, fluid_i: int) -> int:
+    """The fluid of a neighbour."""
+    return fluid[j]
+
+
+@wp.func
+def same_fluid(fluid: wp.array[int], j: int, fluid_i: int) -> int:
+    """The fluid of a neighbour where there is only one."""
+    return fluid_i
+
+
+def compiler_options() -> dict[str, str]:
+    """Module options of a kernel whose loop may be run several pairs at a time."""
+    flags = wp.config.cpu_compiler_flags
+    return {"cpu_compiler_flags": ("-march=native" if flags is None else flags) + REORDER_SUMS}
+
+
+@cache
+def rates_kernel(
+    formulas: Formulas, layout: Layout = CPU_LAYOUT, momentum: bool = True, continuity: bool = True
+) -> wp.Kernel:
+    """The pair loop: its half of `momentum`, with what dissipates, its half of `continuity`, or both at once.
+
+    Momentum, Vasco (2014) eq 38 with 60 and 68, V_j = m_j / rho_j:
+
+        du_i/dt = - sum_j (V_j (p_i + p_j) / rho_i + m_j Pi_ij + m_j R_ij) grad_i W_ij
+
+    Continuity, eq 43, its partner: together they exchange kinetic and internal energy without loss:
+
+        d rho_i/dt = rho_i sum_j V_j u_ij . grad_i W_ij
+
+    Diffusion, between particles of the same fluid, smooths the pressure that eq 43 alone would leave rough (Antuono et
+    al. 2010, in pressures: d rho = dp / c^2). The sum of V_i R_i over all pairs is zero:
+
+        R_i = 2 delta h / c sum_j V_j psi_ij (x_ji . grad_i W_ij) / r_ij^2,  psi_ij about p_j - p_i
+
+    XSPH, eq 40 with its sign put right:
+
+        du_i = epsilon sum_j m_j / rhobar_ij (u_j - u_i) W_ij
+
+    Components stand by themselves, vectors are put together after the loop: so the compiler can take several neighbours
+    at a time.
+    """
+    shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
+    viscous, psi = VISCOSITY[formulas.viscosity], DENSITY_DIFFUSION[formulas.diffusion]
+    load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
+    its_fluid = fluid_of if formulas.mixture else same_fluid
+    diffusive = momentum and formulas.diffusion != "none"
+    xsph, tensioned = continuity and formulas.xsph, momentum and formulas.tensile_correction
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
+    def rates(
+        first: int,
+        parameters: Parameters,
+        position_volume: wp.array[packed],
+        velocity_pressure: wp.array[packed],
+        fluid: wp.array[int],
+        neighbour_count: wp.array[int],
+        neighbour_list: wp.array[int],
+        pressure_acceleration_out: wp.array[wp.vec3],
+        dissipative_acceleration_out: wp.array[wp.vec3],
+        density_rate_out: wp.array[float],
+        diffusion_rate_out: wp.array[float],
+        xsph_velocity_out: wp.array[wp.vec3],
+    ):
+        """a_i by pressure and by dissipation [m/s2], d rho_i/dt, that by diffusion [kg/m3/s], XSPH velocity [m/s]."""
+        i = first + wp.tid()
+        fluid_i = fluid[i]
+        x_i, y_i, z_i, V_i = load(position_volume, i)
+        u_i, v_i, w_i, p_i = load(velocity_pressure, i)
+        c_i, alpha_i = parameters.sound_speed[fluid_i], parameters.alpha[fluid_i]
+        rho_i, rho0_i = parameters.mass[fluid_i] / V_i, parameters.rest_density[fluid_i]
+        g_x, g_y, g_z = parameters.gravity[0], parameters.gravity[1], parameters.gravity[2]
+
+        pressure_x, pressure_y, pressure_z = float(0.0), float(0.0), float(0.0)
+        dissipative_x, dissipative_y, dissipative_z = float(0.0), float(0.0), float(0.0)
+        smoothed_x, smoothed_y, smoothed_z = float(0.0), float(0.0), float(0.0)
+        divergence, diffused = float(0.0), float(0.0)
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        k = i * parameters.row_stride
+        end = k + neighbour_count[i] * stride
+        while k < end:
+            j = neighbour_list[k]
+            fluid_j = its_fluid(fluid, j, fluid_i)
+            x_j, y_j, z_j, V_j = load(position_volume, j)
+            u_j, v_j, w_j, p_j = load(velocity_pressure, j)
+            m_j = parameters.mass[fluid_j]
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+            r = wp.sqrt(x * x + y * y + z * z)
+            u_dot_x = u * x + v * y + w * z
+            q = r * parameters.inverse_h
+            s = V_j * slope(q)
+            m_j_over_rhobar = 2.0 * m_j * V_j / (rho_i * V_j + m_j)
+
+            if wp.static(momentum):
+                P = s * (p_i + p_j)
+                pressure_x -= P * x
+                pressure_y -= P * y
+                pressure_z -= P * z
+                alpha, c = 0.5 * (alpha_i + parameters.alpha[fluid_j]), 0.5 * (c_i + parameters.sound_speed[fluid_j])
+                Pi = m_j_over_rhobar * slope(q) * viscous(parameters, alpha, c, u_dot_x, r)
+                if wp.static(tensioned):
+                    Pi += s / rho_i * tensile(parameters, p_i, p_j, shape(q))
+                dissipative_x -= Pi * x
+                dissipative_y -= Pi * y
+                dissipative_z -= Pi * z
+            if wp.static(diffusive):
+                psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z))
+                diffused -= wp.where(fluid_i == fluid_j, s * psi_ij, 0.0)
+            if wp.static(continuity):
+                divergence += s * u_dot_x
+            if wp.static(xsph):
+                weight = m_j_over_rhobar * shape(q)
+                smoothed_x -= weight * u
+                smoothed_y -= weight * v
+                smoothed_z -= weight * w
+            k += stride
+
+        n = parameters.gradient_norm
+        if wp.static(momentum):
+            pressure_acceleration_out[i] = n / rho_i * wp.vec3(pressure_x, pressure_y, pressure_z)
+            dissipative_acceleration_out[i] = n * wp.vec3(dissipative_x, dissipative_y, dissipative_z)
+            diffusion_rate_out[i] = 2.0 * parameters.diffusion * parameters.smoothing_length / c_i * n * diffused
+        if wp.static(continuity):
+            density_rate_out[i] = rho_i * n * divergence
+        if wp.static(xsph):
+            epsilon_i = parameters.xsph * parameters.mobility[fluid_i]  # a held fluid does not drift
+            xsph_velocity_out[i] = epsilon_i * parameters.kernel_norm * wp.vec3(smoothed_x, smoothed_y, smoothed_z)
+
+    return rates
