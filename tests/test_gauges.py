@@ -118,3 +118,26 @@ def test_level_follows_the_water(make_scene, device):
 
 def test_no_gauges(make_scene, device):
     assert Simulation(make_scene(POOL, "gauges=[]"), device).gauges.levels() == []
+
+
+# The water stands higher in the back half of the tank.
+BOX = """
+title: A pool in space
+dimensions: 3
+spacing: 0.02
+materials: {water: {density: 1000.0, sound_speed: 40.0}}
+walls:
+  - {name: tank, box: {min: [0.0, 0.0, 0.0], max: [0.4, 0.6, 0.6], open: [top]}}
+fluids:
+  - {name: low, material: water, shape: {box: {min: [0.0, 0.0, 0.0], max: [0.4, 0.3, 0.2]}}}
+  - {name: high, material: water, shape: {box: {min: [0.0, 0.3, 0.0], max: [0.4, 0.6, 0.3]}}}
+gauges:
+  - {name: front, x: 0.2, y: 0.15}
+  - {name: back, x: 0.213, y: 0.447, bottom: 0.003}
+run: {end_time: 1.0}
+"""
+
+
+def test_gauges_in_space_stand_at_their_y(make_scene, device):
+    simulation = Simulation(make_scene(BOX), device)
+    assert simulation.gauges.levels() == pytest.approx([0.2, 0.3], abs=TOLERANCE * SPACING)

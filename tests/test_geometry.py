@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
-from warpsph.geometry import contains, drop_height, near, place
+from warpsph.geometry import behind_walls, drop_height, near, place
 from warpsph.outline import Bend, Line, Outline, wall_outline
 from warpsph.scene import Scene, SceneError, load_scene
+from warpsph.surface import contains
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.yaml"))
 TANK = {"name": "tank", "path": [[0.0, 2.0], [0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]}
@@ -183,14 +184,15 @@ def test_a_path_that_cannot_be_drawn(wall, words):
 # ------------------------------------------------------------------------------------------------------------ searching
 
 
-def test_near_agrees_with_brute_force():
+@pytest.mark.parametrize("extent", [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 0.2, 3.0]])
+def test_near_agrees_with_brute_force(extent):
     rng = np.random.default_rng(1)
-    points, others = rng.uniform(-1, 1, (300, 2)), rng.uniform(-1.5, 0.5, (200, 2))
+    points, others = rng.uniform(-1, 1, (300, 3)) * extent, rng.uniform(-1.5, 0.5, (200, 3)) * extent
     gap = np.linalg.norm(points[:, None] - others[None], axis=2).min(axis=1)
     for reach in (0.02, 0.1, 0.7):
         np.testing.assert_array_equal(near(points, others, reach), gap < reach)
-    assert not near(points, np.empty((0, 2)), 1.0).any()
-    assert near(np.empty((0, 2)), others, 1.0).shape == (0,)
+    assert not near(points, np.empty((0, 3)), 1.0).any()
+    assert near(np.empty((0, 3)), others, 1.0).shape == (0,)
 
 
 def test_contains_by_the_even_odd_rule():
@@ -304,11 +306,11 @@ def test_the_scenes_that_ship_can_be_set_out(file):
     scene = load_scene(file)
     placement = place(scene)
     dx = scene.spacing
-    wall = placement.wall_position[:, [0, 2]]
     for i, fluid in enumerate(scene.fluids):
-        mine = placement.position[placement.fluid == i][:, [0, 2]]
-        assert not near(mine, wall, (fluid.clearance - 1e-3) * dx).any()
-        assert not near(mine, placement.position[placement.fluid != i][:, [0, 2]], (1 - 1e-5) * dx).any()
+        mine = placement.position[placement.fluid == i]
+        assert not near(mine, placement.wall_position, (fluid.clearance - 1e-3) * dx).any()
+        assert not near(mine, placement.position[placement.fluid != i], (1 - 1e-5) * dx).any()
+    assert placement.position[:, 1].any() == placement.wall_position[:, 1].any() == (scene.dimensions == 3)
     assert np.all(placement.initial_depth >= 0)
     assert np.all(np.isfinite(placement.position))
 
@@ -462,7 +464,7 @@ def test_drop_height():
     placement = place(no_walls)
     assert drop_height(placement) == pytest.approx(0.9)
     assert placement.wall_position.shape == placement.wall_normal.shape == (0, 3)
-    assert placement.wall_index.shape == placement.wall_length.shape == (0,)
+    assert placement.wall_index.shape == placement.wall_area.shape == (0,)
     assert place(make(sound_speed=0.1, gravity=0.0)).warnings == ()
 
 
@@ -470,3 +472,194 @@ def test_a_shape_weighs_what_its_drawing_weighs():
     """0.18 m2 in 20 cells of 0.01 m2; a fill keeps its cells."""
     placement = place(make(fluids=[shaped({"box": {"min": [1.0, 0.0], "max": [1.18, 1.0]}})]))
     np.testing.assert_allclose(len(placement.position) * placement.volume, [0.18])
+
+
+# ---------------------------------------------------------------------------------------------------------------- space
+
+CRATE = {"name": "tank", "box": {"min": [0.0, 0.0, 0.0], "max": [3.0, 1.0, 2.0], "open": ["top"]}}
+GUTTER = TANK | {"width": [0.0, 1.0]}
+SIDES = {
+    "name": "sides",
+    "box": {"min": [0.0, 0.0, 0.0], "max": [3.0, 1.0, 2.0], "open": ["left", "right", "bottom", "top"]},
+}
+
+
+def make_3d(walls=(CRATE,), fluids=(POOL,), **fields) -> Scene:
+    return make(walls, fluids, dimensions=3, **fields)
+
+
+@pytest.mark.parametrize("walls", [(CRATE,), (GUTTER, SIDES)], ids=["a crate", "a gutter between sides"])
+def test_a_fill_in_space_stands_half_a_spacing_off_every_wall(walls):
+    placement = place(make_3d(walls))
+    x, y, z = placement.position.T
+    assert len(x) == 30 * 10 * 10 == len(np.unique(placement.position.round(9), axis=0))
+    np.testing.assert_allclose(np.unique(x.round(9)), np.arange(30) * 0.1 + 0.05)
+    np.testing.assert_allclose(np.unique(y.round(9)), np.arange(10) * 0.1 + 0.05)
+    np.testing.assert_allclose(np.unique(z.round(9)), np.arange(10) * 0.1 + 0.05)
+    np.testing.assert_allclose(placement.initial_depth, 1.0 - z)
+    np.testing.assert_allclose(placement.volume, 0.001)
+    assert placement.warnings == () and placement.ground == 0.0
+
+
+def test_a_plane_scene_is_a_slice_of_the_scene_in_space():
+    """The slide and the water of a flume across one spacing are the particles of the flume in the plane."""
+    slide = shaped({"polygon": [[-0.4, 0.6], [-0.1, 0.3], [0.1, 0.5], [-0.2, 0.8]]}, lattice={"angle": -45.0})
+    flume = path([-1.5, 1.5], {"at": [0.0, 0.0], "radius": 0.3}, [2.0, 0.0], [2.0, 1.0])
+    pool = POOL | {"fill": {"level": 0.5, "above": "line"}}
+    plane = place(make([flume], [slide, pool]))
+    across = {"width": [-0.05, 0.05]}
+    sides = {
+        "name": "sides",
+        "box": {"min": [-1.5, -0.05, 0.0], "max": [2.0, 0.05, 1.5], "open": ["left", "right", "bottom", "top"]},
+    }
+    space = place(make_3d([flume | across, sides], [slide | {"shape": slide["shape"] | across}, pool]))
+    np.testing.assert_allclose(space.position, plane.position, atol=1e-12)
+    np.testing.assert_array_equal(space.fluid, plane.fluid)
+    np.testing.assert_allclose(space.initial_depth, plane.initial_depth)
+    np.testing.assert_allclose(space.volume, plane.volume * 0.1)
+
+
+def test_obstacles_stay_dry_in_space():
+    block = {"name": "block", "box": {"min": [1.0, 0.2, 0.0], "max": [1.5, 0.6, 0.5]}}
+    assert len(place(make_3d([CRATE, block])).position) == 3000 - 5 * 4 * 5
+    pile = {"name": "pile", "disc": {"center": [1.5, 0.5], "radius": 0.3}, "width": [0.0, 1.0]}
+    position = place(make_3d([CRATE, pile])).position
+    assert np.hypot(position[:, 0] - 1.5, position[:, 2] - 0.5).min() > 0.3 + 0.0499
+    around = {"name": "around", "box": {"min": [-1.0, -1.0, -1.0], "max": [4.0, 4.0, 3.0]}}
+    assert len(place(make_3d([CRATE, around])).position) == 3000
+
+
+def test_shapes_in_space_weigh_what_their_drawings_weigh():
+    ball = shaped({"sphere": {"center": [1.5, 0.5, 1.0], "radius": 0.33}}, velocity=[1.0, 2.0, -3.0])
+    placement = place(make_3d(fluids=[ball]))
+    away = np.linalg.norm(placement.position - [1.5, 0.5, 1.0], axis=1)
+    assert away.max() < 0.33
+    assert len(away) * placement.volume[0] == pytest.approx(4 / 3 * math.pi * 0.33**3)
+    assert len(away) == pytest.approx(4 / 3 * math.pi * 3.3**3, rel=0.1)
+    np.testing.assert_array_equal(placement.velocity[0], [1.0, 2.0, -3.0])
+    x, y, z = placement.position.T
+    roof = 1.0 + np.sqrt(0.33**2 - (x - 1.5) ** 2 - (y - 0.5) ** 2)
+    np.testing.assert_allclose(placement.initial_depth, roof - z)
+    lying = shaped({"disc": {"center": [1.5, 1.0], "radius": 0.4}, "width": [0.2, 0.8]})
+    placement = place(make_3d(fluids=[lying]))
+    assert len(placement.position) * placement.volume[0] == pytest.approx(math.pi * 0.4**2 * 0.6)
+    np.testing.assert_allclose(np.unique(placement.position[:, 1].round(9)), 0.25 + 0.1 * np.arange(6))
+    block = place(make_3d(fluids=[shaped({"box": {"min": [1.0, 0.0, 0.0], "max": [1.5, 1.0, 0.4]}}), POOL]))
+    np.testing.assert_array_equal(np.bincount(block.fluid), [5 * 10 * 4, 3000 - 5 * 10 * 4])
+    assert distances(block.position[:600]).min() == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("wet", "low", "high"), [("inside", -0.09, [3.09, 1.09]), ("outside", 0.09, [2.91, 0.91])])
+def test_faces_stand_behind_their_drawing_wherever_the_fluid_is(wet, low, high):
+    body = {"inside": [[1.0, 0.2, 0.5], [2.0, 0.8, 1.0]], "outside": [[1.0, 1.5, 0.5], [2.0, 2.5, 1.0]]}[wet]
+    body = shaped({"box": {"min": body[0], "max": body[1]}})
+    scene = make_3d(fluids=[body], sound_speed=100.0, wall_model={"set_back": 0.9})
+    placement = place(scene)
+    points, normals = placement.wall_position, placement.wall_normal
+    np.testing.assert_allclose(points.min(axis=0), low)
+    np.testing.assert_allclose(points.max(axis=0), [*high, 2.09])  # beyond the open top, outward either way
+    assert len(np.unique(points.round(6), axis=0)) == len(points), "a point of an edge is there twice"
+    assert np.all(np.isin(points.round(9), np.array([low, *high]).round(9)).any(axis=1)), "a point off every face"
+    # Normals point to the fluid: into the box or out of it, halfway between the faces at an edge and a corner.
+    corner = np.argmin(points.sum(axis=1))
+    np.testing.assert_allclose(normals[corner], np.full(3, 1 / math.sqrt(3)) * (1 if wet == "inside" else -1))
+    nearest = np.argmin(np.linalg.norm(points - placement.position[0], axis=1))
+    assert normals[nearest] @ (placement.position[0] - points[nearest]) > 0.0
+    # The areas add up to those of the faces that were sampled.
+    size = np.ptp(points, axis=0)
+    area = size[0] * size[1] + 2 * (size[0] + size[1]) * size[2]
+    assert placement.wall_area.sum() == pytest.approx(area)
+
+
+def test_extruded_walls_close_with_the_walls_at_their_sides():
+    """Wherever water stands, a wall point is no farther off than from a plane wall: edges have no gaps."""
+    for walls in ((CRATE,), (GUTTER, SIDES)):
+        scene = make_3d(walls)
+        placement = place(scene)
+        wall, back = placement.wall_position, 0.95 * scene.spacing
+        np.testing.assert_allclose(wall.min(axis=0), -back)
+        # Points straight behind the edges and the corner, where the set-back faces meet.
+        edges = np.array([[-back, -back, 1.0], [-back, 0.5, -back], [1.5, -back, -back], [-back, -back, -back]])
+        assert near(edges, wall, scene.wall_spacing).all()
+    areas = place(make_3d([GUTTER, SIDES])).wall_area
+    inner = (2 * 2.095 + 3.19) * 1.19  # the gutter set back, and as much wider
+    assert areas.sum() == pytest.approx(inner + 2 * 3.19 * 2.19, rel=0.02)
+
+
+def test_behind_walls_in_space():
+    placement = place(make_3d())
+    outside = np.array([[-0.2, 0.5, 0.5], [1.5, 1.2, 0.5], [1.5, 0.5, -0.3], [3.3, 0.5, 1.0], [1.0, -0.2, -0.2]])
+    assert behind_walls(placement, outside).all()
+    assert not behind_walls(placement, placement.position).any()
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (
+            make_3d([GUTTER]),
+            "fluids[0].fill: it would leak at x = 0.15 m, y = 0 m, z = 0.15 m: 'tank' ends there, below the level 1 m",
+        ),
+        (
+            make_3d([CRATE | {"box": CRATE["box"] | {"open": ["top", "back"]}}]),
+            "fluids[0].fill: it would leak at x = 0.15 m, y = 1 m, z = 0.15 m: 'tank' ends there, below the level 1 m",
+        ),
+        (
+            make_3d([CRATE | {"box": CRATE["box"] | {"open": ["top", "bottom"]}}]),
+            "fluids[0].fill: it would leak at x = 0.15 m, y = 0.15 m, z = 0 m: 'tank' ends there, below the level 1 m",
+        ),
+        (
+            make_3d(fluids=[POOL | {"fill": {"level": 2.5, "above": "tank"}}]),
+            "fluids[0].fill: it would leak at x = 0 m, y = 0 m, z = 2.1 m: 'tank' ends there, below the level 2.5 m",
+        ),
+        (
+            make_3d(fluids=[shaped({"sphere": {"center": [1.5, 0.9, 1.0], "radius": 0.5}})]),
+            "fluids[0].shape: wall 'tank' runs through it, at x = 1.367 m, y = 1 m, z = 0.5333 m",
+        ),
+        (
+            make_3d(fluids=[shaped({"box": {"min": [1.0, 0.02, 1.0], "max": [2.0, 0.52, 1.5]}}, clearance=1.0)]),
+            "fluids[0].shape: 50 of 250 particles lie closer than 1 dx to a wall, "
+            "the first at x = 1.05 m, y = 0.07 m, z = 1.05 m",
+        ),
+        (
+            make_3d(fluids=[shaped({"sphere": {"center": [1.5, 0.5, 1.0], "radius": 0.01}})]),
+            "fluids[0].shape: not one particle fits in it, at a spacing of 0.1 m",
+        ),
+        (
+            make_3d(spacing=1e-4),
+            "spacing: 0.0001 m is too fine: walls would take 1.7e+10 points, 1e+08 is the most",
+        ),
+    ],
+)
+def test_what_cannot_be_in_space_is_refused(scene, words):
+    assert error_of(scene) == words
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (
+            make_3d(fluids=[shaped({"box": {"min": [1.0, 0.5, 2.5], "max": [2.0, 1.5, 3.0]}})], sound_speed=80.0),
+            "fluids[0]: 200 particles have no wall below them, the first at x = 1.05 m, y = 1.15 m, z = 2.55 m",
+        ),
+        (
+            make_3d([CRATE | {"box": CRATE["box"] | {"max": [3.0, 0.95, 2.0]}}]),
+            "fluids[0].fill: its width of 0.95 m is 9.50 spacings; a whole number of them leaves no gap",
+        ),
+        (
+            make_3d([CRATE | {"box": CRATE["box"] | {"max": [2.95, 1.0, 2.0]}}]),
+            "fluids[0].fill: its length of 2.95 m is 29.50 spacings; a whole number of them leaves no gap",
+        ),
+        (
+            make_3d(gauges=[{"name": "beside", "x": 1.0, "y": 1.5}]),
+            "gauges[0].y: 1.5 m lies beyond the walls, which reach from 0 to 1 m",
+        ),
+        (
+            make_3d(fluids=[shaped({"box": {"min": [1.0, 0.0, 0.0], "max": [1.18, 1.0, 1.0]}})]),
+            "fluids[0].shape: 200 cells of the lattice cover 11.1% more than its volume of 0.18 m3; "
+            "its particles are made lighter",
+        ),
+    ],
+)
+def test_what_is_doubtful_in_space_is_a_warning(scene, words):
+    assert place(scene).warnings == (words,)

@@ -49,7 +49,7 @@ def writer(tmp_path) -> FrameWriter:
         tmp_path / "preview",
         title="Two blocks",
         fluids=FLUIDS,
-        walls={"floor": np.array([[-1.0, 0.0], [2.0, 0.0]])},
+        walls=[np.array([[-1.0, 0.0], [2.0, 0.0]])],
         spacing=SPACING,
         window=WINDOW,
         speed_scale=2.0,
@@ -79,6 +79,16 @@ def test_particles_are_drawn_where_they_are_and_as_large(writer):
         assert (bottom - rows.mean() - 0.5) / PIXELS_PER_METRE + WINDOW[1][0] == pytest.approx(z, abs=0.01)
 
 
+@pytest.mark.parametrize(("slide_y", "visible"), [(0.1, "water"), (-0.1, "slide")])
+def test_a_scene_in_space_is_seen_from_its_front(writer, slide_y, visible):
+    """Of two blocks, one behind the other, the one whose y is less is seen, whatever their order."""
+    block_of_slide = block(0.5, 0.0, 0.4, 0.2) + np.array([0.0, slide_y, 0.0])
+    pixels = pixels_of(writer.write(0, snapshot_of(block_of_slide, block(0.5, 0.0, 0.4, 0.2))))[110:]
+    hidden = {"water": "slide", "slide": "water"}[visible]
+    assert shows(pixels, FLUIDS[visible]).sum() / PIXELS_PER_METRE**2 == pytest.approx(0.08, rel=0.15)
+    assert shows(pixels, FLUIDS[hidden]).sum() / PIXELS_PER_METRE**2 < 0.002
+
+
 def test_faster_is_lighter(writer):
     brightness = [
         pixels_of(writer.write(0, snapshot_of(SLIDE, WATER, speed)))[110:].mean() for speed in (0.0, 1.0, 2.0, 9.0)
@@ -102,7 +112,7 @@ def test_frames_leave_no_trace_in_each_other(writer):
 @pytest.mark.parametrize(("width", "height"), [(3.5, 0.6), (10.0, 0.5), (1.0, 1.2), (0.333, 0.777)])
 def test_a_picture_has_the_windows_proportions_and_an_even_size(tmp_path, width, height):
     window = ((0.0, width), (0.0, height))
-    options = {"fluids": FLUIDS, "walls": {}, "spacing": 0.02, "window": window, "speed_scale": 1.0}
+    options = {"fluids": FLUIDS, "walls": [], "spacing": 0.02, "window": window, "speed_scale": 1.0}
     writer = FrameWriter(tmp_path, title="A title that takes more room than a narrow picture has for it" * 2, **options)
     size = Image.open(writer.write(0, snapshot_of(SLIDE, WATER))).size
     assert all(length % 2 == 0 for length in size)

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from warpsph.geometry import place
@@ -162,11 +163,6 @@ def test_an_anchor_is_its_value(load):
         ),
         (
             "spacing: 0.1",
-            "spacing: 0.1\ndimensions: 3",
-            "tank.yaml:3: dimensions: 3-D scenes cannot be run yet; only 2 for now",
-        ),
-        (
-            "spacing: 0.1",
             "spacing: 0.1\ndimensions: 4",
             "tank.yaml:3: dimensions: 4 is not known here; it can be 2, 3",
         ),
@@ -215,7 +211,7 @@ def test_an_anchor_is_its_value(load):
         (
             "fill: {level: 1.0, above: tank}",
             "shape: {disc: {center: [0, 0], radius: 1}, box: {min: [0, 0], max: [1, 1]}}",
-            "tank.yaml:11: fluids[0].shape: exactly one of box, polygon, disc is needed, not box and disc",
+            "tank.yaml:11: fluids[0].shape: exactly one of box, polygon, disc, sphere is needed, not box and disc",
         ),
         (
             "fill: {level: 1.0, above: tank}",
@@ -257,6 +253,47 @@ def test_an_anchor_is_its_value(load):
             "spacing: 0.1\noutput: {view: {x: [0, 1], z: [1, 0]}}",
             "tank.yaml:3: output.view.z: the first must be less than the second",
         ),
+        # of the other number of dimensions
+        (
+            "spacing: 0.1",
+            "spacing: 0.1\ndimensions: 3",
+            "tank.yaml:7: walls[0].width: this field is missing, in a 3-D scene",
+        ),
+        (
+            "[3.0, 2.0]]",
+            "[3.0, 2.0]]\n    width: [0, 1]",
+            "tank.yaml:8: walls[0].width: means nothing in a 2-D scene; it goes with 'dimensions: 3'",
+        ),
+        (
+            "walls:",
+            "walls:\n  - {name: lid, box: {min: [0, 0], max: [1, 1], open: [top]}}",
+            "tank.yaml:6: walls[0].box.open: means nothing in a 2-D scene; it goes with 'dimensions: 3'",
+        ),
+        (
+            "walls:",
+            "walls:\n  - {name: lid, box: {min: [0, 0], max: [1, 1, 1]}}",
+            "tank.yaml:6: walls[0].box.max: two numbers are needed in a 2-D scene, not 3",
+        ),
+        (
+            "walls:",
+            "walls:\n  - {name: lid, box: {min: [0], max: [1, 1]}}",
+            "tank.yaml:6: walls[0].box.min: two numbers [a, b] (three in a 3-D scene) are needed, not 1",
+        ),
+        (
+            "fill: {level: 1.0, above: tank}",
+            "shape: {sphere: {center: [0, 0, 0], radius: 1}}",
+            "tank.yaml:11: fluids[0].shape.sphere: means nothing in a 2-D scene; it goes with 'dimensions: 3'",
+        ),
+        (
+            "above: tank}",
+            "above: tank}\n    velocity: [1, 0, 0]",
+            "tank.yaml:12: fluids[0].velocity: two numbers are needed in a 2-D scene, not 3",
+        ),
+        (
+            "x: 1.5",
+            "x: 1.5, y: 0",
+            "tank.yaml:13: gauges[0].y: means nothing in a 2-D scene; it goes with 'dimensions: 3'",
+        ),
         # YAML
         ("[3.0, 2.0]]", "[3.0, 2.0]", "tank.yaml:8: not YAML: expected ',' or ']', but got '<scalar>'"),
         ("title: A tank", "title: !tag A tank", "tank.yaml:1: title: the tag !tag means nothing here"),
@@ -271,6 +308,115 @@ def test_an_anchor_is_its_value(load):
 def test_a_mistake_is_one_clear_line(load, old, new, words):
     assert old in TANK
     assert message(load, TANK.replace(old, new, 1)) == words
+
+
+BOX = """\
+title: A box
+dimensions: 3
+spacing: 0.1
+materials:
+  water: {density: 1000.0, sound_speed: 50.0}
+walls:
+  - {name: tank, box: {min: [0, 0, 0], max: [3, 1, 2], open: [top]}}
+  - {name: ramp, path: [[2.0, 0.0], [3.0, 1.0]], width: [0, 1]}
+fluids:
+  - {name: pool, material: water, fill: {level: 1.0, above: tank}}
+  - {name: ball, material: water, shape: {sphere: {center: [1, 0.5, 1.5], radius: 0.2}}, velocity: [1, 0, 0]}
+  - name: bar
+    material: water
+    shape: {disc: {center: [1, 1.5], radius: 0.1}, width: [0, 1]}
+    lattice: {origin: [0, 0, 0]}
+gauges:
+  - {name: middle, x: 1.5, y: 0.5}
+run: {end_time: 1.0}
+"""
+
+
+def test_a_scene_in_space(load):
+    scene = load(BOX)
+    assert scene.walls[0].box.max == (3.0, 1.0, 2.0) and scene.walls[0].box.open == ("top",)
+    assert scene.walls[1].width == (0.0, 1.0)
+    assert scene.fluids[0].velocity == (0.0, 0.0, 0.0)  # at rest, when nothing is said
+    assert scene.fluids[1].velocity == (1.0, 0.0, 0.0)
+    text = scene.resolved_yaml()
+    assert load(text) == scene
+    assert load(text).resolved_yaml() == text
+
+
+def test_a_plane_scene_is_resolved_as_ever(load):
+    text = load(TANK).resolved_yaml()
+    assert "velocity: [0.0, 0.0]" in text
+    for word in ("width", "open", "sphere", " y:"):
+        assert word not in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "min: [0, 0, 0]",
+            "min: [0, 0]",
+            "tank.yaml:7: walls[0].box.min: three numbers are needed in a 3-D scene, not 2",
+        ),
+        (
+            "max: [3, 1, 2]",
+            "max: [3, 0, 2]",
+            "tank.yaml:7: walls[0].box.max: must lie to the right of min, behind it and above it",
+        ),
+        (
+            "open: [top]",
+            "open: [tip]",
+            "tank.yaml:7: walls[0].box.open[0]: 'tip' is not known here; did you mean 'top'?",
+        ),
+        (
+            "open: [top]",
+            "open: [left, right, front, back, bottom, top]",
+            "tank.yaml:7: walls[0].box.open: a box without any face is no wall",
+        ),
+        (
+            "open: [top]}",
+            "open: [top]}, width: [0, 1]",
+            "tank.yaml:7: walls[0].width: a box has its width in min and max",
+        ),
+        (", width: [0, 1]}\nf", "}\nf", "tank.yaml:8: walls[1].width: this field is missing, in a 3-D scene"),
+        ("width: [0, 1]", "width: [1, 0]", "tank.yaml:8: walls[1].width: the first must be less than the second"),
+        ("[2.0, 0.0]", "[2.0, 0.0, 0.0]", "tank.yaml:8: walls[1].path[0]: two numbers [a, b] are needed, not 3"),
+        (
+            "center: [1, 0.5, 1.5]",
+            "center: [1, 0.5]",
+            "tank.yaml:11: fluids[1].shape.sphere.center: three numbers [x, y, z] are needed, not 2",
+        ),
+        (
+            "radius: 0.2}",
+            "radius: 0.2}, width: [0, 1]",
+            "tank.yaml:11: fluids[1].shape.width: a sphere has no other width",
+        ),
+        (
+            "velocity: [1, 0, 0]",
+            "velocity: [1, 0]",
+            "tank.yaml:11: fluids[1].velocity: three numbers are needed in a 3-D scene, not 2",
+        ),
+        (
+            "radius: 0.1}, width: [0, 1]",
+            "radius: 0.1}",
+            "tank.yaml:14: fluids[2].shape.width: this field is missing, in a 3-D scene",
+        ),
+        (
+            "origin: [0, 0, 0]",
+            "origin: [0, 0]",
+            "tank.yaml:15: fluids[2].lattice.origin: three numbers are needed in a 3-D scene, not 2",
+        ),
+        (", y: 0.5", "", "tank.yaml:17: gauges[0].y: this field is missing, in a 3-D scene"),
+        (
+            "dimensions: 3",
+            "dimensions: 2",
+            "tank.yaml:7: walls[0].box.min: two numbers are needed in a 2-D scene, not 3",
+        ),
+    ],
+)
+def test_a_mistake_in_space_is_one_clear_line(load, old, new, words):
+    assert old in BOX
+    assert message(load, BOX.replace(old, new, 1)) == words
 
 
 def test_the_first_mistake_of_the_document_is_told(load):
@@ -401,6 +547,10 @@ def test_the_manual_names_every_field():
             assert re.search(rf"[`{{ ]{name}[`:]", MANUAL), f"{part['title']}.{name}"
 
 
-def test_the_smallest_scene_of_the_manual_loads(load):
-    text = re.search(r"```yaml\n(.*?)```", MANUAL, re.DOTALL).group(1)
-    assert len(place(load(text)).position) == 50 * 15
+def test_the_scenes_of_the_manual_load(load):
+    plane, space, walls = re.findall(r"```yaml\n(.*?)```", MANUAL, re.DOTALL)
+    assert len(place(load(plane)).position) == 50 * 15
+    assert len(place(load(space)).position) == 25 * 10 * 10
+    flume = re.sub(r"walls:\n.*\n", walls, space).replace("above: tank", "above: flume")
+    placement = place(load(flume))
+    assert len(np.unique(placement.position[:, 1].round(9))) == 15 and not placement.warnings

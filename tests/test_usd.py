@@ -109,6 +109,24 @@ print(json.dumps({
 """
 
 
+def test_walls_in_space_keep_their_faces(tmp_path):
+    """Two faces of a box, an edge in common: corners, winding and extent are read back as they were given."""
+    faces = np.array(
+        [
+            [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [1.5, 0.5, 0.0], [0.0, 0.5, 0.0]],
+            [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.5, 0.75], [0.0, 0.0, 0.75]],
+        ]
+    )
+    cache = UsdCache(tmp_path / "usd", fluids=FLUIDS, walls={"box": faces}, spacing=SPACING, frames_per_second=30.0)
+    cache.write(spinning_blob(0))
+    assert check_cache(cache.folder) == []
+    stage = Usd.Stage.Open(str(cache.root))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Walls/box"))
+    points, indices = np.array(mesh.GetPointsAttr().Get()), np.array(mesh.GetFaceVertexIndicesAttr().Get())
+    np.testing.assert_array_equal(points[indices.reshape(-1, 4)], faces)
+    np.testing.assert_array_equal(mesh.GetExtentAttr().Get(), [[0.0, 0.0, 0.0], [1.5, 0.5, 0.75]])
+
+
 def test_a_fresh_process_reads_what_was_written(sound_cache):
     found = json.loads(in_a_fresh_process(READ_BACK, sound_cache))
     snapshot = spinning_blob(3)

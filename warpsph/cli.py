@@ -23,8 +23,8 @@ _PACKAGE = Path(__file__).parent
 SCENES = next((p for p in (_PACKAGE / "scenes", _PACKAGE.parent / "scenes") if p.is_dir()), _PACKAGE / "scenes")
 
 # Whole steps, both pair loops included, on one core of a current processor; what `check` estimates time with.
-# Measured by `python -m warpsph scene scenes/landslide.yaml --threads 1`.
-UPDATES_PER_SECOND_AND_THREAD = 1.2e6
+# Measured by `python -m warpsph scene scenes/landslide.yaml --threads 1`; in 3-D there are four times the neighbours.
+UPDATES_PER_SECOND_AND_THREAD = {2: 1.2e6, 3: 0.2e6}
 
 
 class _InputError(Exception):
@@ -188,7 +188,8 @@ def _check(options: argparse.Namespace) -> int:
     scene = _load(options)
     launcher = Launcher(options.device, options.threads)
     facts = forecast(scene, launcher)
-    seconds = facts.steps * facts.particle_count / (UPDATES_PER_SECOND_AND_THREAD * launcher.threads)
+    rate = UPDATES_PER_SECOND_AND_THREAD[scene.dimensions] * launcher.threads
+    seconds = facts.steps * facts.particle_count / rate
     print(f"{scene.title}")
     for name, count in facts.counts.items():
         print(f"  {name:<15} {count:,} particles")

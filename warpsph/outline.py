@@ -169,11 +169,12 @@ def wall_outline(scene: Scene, index: int) -> Outline:
 
 
 def closed_outline(part: Wall | Shape) -> Outline:
-    """The exact outline of a box, a disc or a polygon; boxes and discs run counter-clockwise from the bottom."""
+    """The exact outline of a box, a disc or a polygon in the x-z plane; boxes and discs run counter-clockwise from the
+    bottom."""
     if part.disc:
         return Outline((Bend(np.array(part.disc.center), part.disc.radius, -0.5 * math.pi, 2 * math.pi),), closed=True)
     if part.box:
-        (left, low), (right, high) = part.box.min, part.box.max
+        (left, *_, low), (right, *_, high) = part.box.min, part.box.max
         corners = np.array([[left, low], [right, low], [right, high], [left, high]])
     else:
         corners = np.array(part.polygon)

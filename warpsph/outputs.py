@@ -8,11 +8,11 @@ import numpy as np
 
 import warpsph
 from warpsph.geometry import drop_height
-from warpsph.outline import Outline, wall_outline
 from warpsph.preview import FrameWriter, animate, fluid_colors, gauge_picture, window_around
 from warpsph.report import write_report
 from warpsph.scene import Scene
 from warpsph.simulation import Simulation
+from warpsph.surface import wall_surface
 from warpsph.usd import UsdCache
 
 log = logging.getLogger("warpsph")
@@ -26,29 +26,30 @@ class Outputs:
         self._scene, self._simulation, self._folder = scene, simulation, folder
         colors = {name: material.color for name, material in scene.materials.items()}
         fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
-        walls = {wall.name: _drawn(wall_outline(scene, i)) for i, wall in enumerate(scene.walls)}
+        walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
         self._frame = resume_at or 0
         self._pictures: FrameWriter | None = None
         self._cache: UsdCache | None = None
         if scene.output.pictures:
             particles = simulation.placement.position[:, ::2]
             view = scene.output.view
+            lines = [line for wall in walls.values() for line in wall.lines()]
             self._pictures = FrameWriter(
                 folder / "preview",
                 title=scene.title,
                 fluids=fluids,
-                walls=walls,
+                walls=lines,
                 spacing=scene.spacing,
-                window=(view.x, view.z)
-                if view
-                else window_around(np.concatenate([particles, *walls.values()]), scene.spacing),
+                window=(view.x, view.z) if view else window_around(np.concatenate([particles, *lines]), scene.spacing),
                 speed_scale=_round(0.7 * math.sqrt(2.0 * scene.gravity * drop_height(simulation.placement))),
             )
         if scene.output.usd:
             self._cache = UsdCache(
                 folder / "usd",
                 fluids=fluids,
-                walls=walls,
+                walls={
+                    name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()
+                },
                 spacing=scene.spacing,
                 frames_per_second=scene.output.frames_per_second,
                 provenance={"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
@@ -79,12 +80,6 @@ class Outputs:
     def report(self) -> None:
         """Write the HTML page; needs run.json."""
         write_report(self._folder)
-
-
-def _drawn(outline: Outline) -> np.ndarray:
-    """Corners of a wall as it is drawn [m], shape [n, 2], ending where it starts if it is closed."""
-    corners = outline.polygon()
-    return np.concatenate([corners, corners[:1]]) if outline.closed else corners
 
 
 def _round(value: float) -> float:

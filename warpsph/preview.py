@@ -77,13 +77,13 @@ class FrameWriter:
     """Draws a PNG of the particles for each frame.
 
     Axes, legend and labels are drawn once; a frame restores them and adds the particles, as discs one spacing wide in
-    their material's colour, the lighter the faster.
+    their material's colour, the lighter the faster. A 3-D scene is seen from its front, where y is least.
 
     Args:
         folder: Where frame.00000.png ... go; made when absent.
         title: Written above every frame.
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
-        walls: Name of each wall, and its outline in the x-z plane [m], shape [corner_count, 2].
+        walls: Lines of the walls in the x-z plane [m], each of shape [corner_count, 2].
         spacing: Particle spacing [m].
         window: What is seen, ((x, x), (z, z)) [m].
         speed_scale: Speed that is drawn lightest [m/s].
@@ -95,7 +95,7 @@ class FrameWriter:
         *,
         title: str,
         fluids: Mapping[str, str],
-        walls: Mapping[str, np.ndarray],
+        walls: Sequence[np.ndarray],
         spacing: float,
         window: Window,
         speed_scale: float,
@@ -118,7 +118,7 @@ class FrameWriter:
             offset_transform=axes.transData,
             linewidths=0.0,
         )
-        self._walls = LineCollection(list(walls.values()), colors=INK, linewidths=1.5, capstyle="round")
+        self._walls = LineCollection(walls, colors=INK, linewidths=1.5, capstyle="round")
         axes.add_collection(self._particles, autolim=False)
         axes.add_collection(self._walls, autolim=False)
         left, (width, height) = axes.bbox.x0, self._figure.bbox.size
@@ -136,8 +136,9 @@ class FrameWriter:
         """Draw a snapshot as frame number `frame`, and return the path of the picture."""
         speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
         shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
-        self._particles.set_offsets(snapshot.position[:, ::2])
-        self._particles.set_facecolor(self._shades[snapshot.fluid, shade])
+        nearest_last = np.argsort(-snapshot.position[:, 1], kind="stable")
+        self._particles.set_offsets(snapshot.position[nearest_last, ::2])
+        self._particles.set_facecolor(self._shades[snapshot.fluid, shade][nearest_last])
         self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
         self._canvas.restore_region(self._background)
         for artist in self._moving:

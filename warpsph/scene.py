@@ -5,15 +5,15 @@ editor completes from. Every mistake ends as a `SceneError` whose text is the fi
 
     landslide.yaml:31: fluids[1].material: no material named 'watr'; did you mean 'water'?
 
-SI units throughout, z up, angles in degrees. A point is [x, z].
+SI units throughout, z up, angles in degrees. A point is [x, z], in a 3-D scene [x, y, z].
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import yaml
 from pydantic import (
@@ -43,12 +43,17 @@ def _fault(message: str, path: str = "") -> PydanticCustomError:
     return PydanticCustomError("fault", "{message}", {"message": message, "path": path})
 
 
-def _pair(value: Any) -> Any:
-    if not isinstance(value, (list, tuple)):
-        raise _fault(f"two numbers [a, b] are needed, not {show(value)}")
-    if len(value) != 2:
-        raise _fault(f"two numbers [a, b] are needed, not {len(value)}")
-    return value
+def _numbers(words: str, *counts: int) -> Callable[[Any], Any]:
+    """A validator that wants a list with one of `counts`, called `words`."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, (list, tuple)):
+            raise _fault(f"{words} are needed, not {show(value)}")
+        if len(value) not in counts:
+            raise _fault(f"{words} are needed, not {len(value)}")
+        return value
+
+    return check
 
 
 def _increasing(value: tuple[float, float]) -> tuple[float, float]:
@@ -62,8 +67,16 @@ Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
 Name = Annotated[str, Field(pattern=NAME)]
-Pair = Annotated[tuple[Real, Real], BeforeValidator(_pair)]
+Pair = Annotated[tuple[Real, Real], BeforeValidator(_numbers("two numbers [a, b]", 2))]
+Triple = Annotated[tuple[Real, Real, Real], BeforeValidator(_numbers("three numbers [x, y, z]", 3))]
+# A pair in a 2-D scene and a triple in a 3-D one, which only the whole scene can know.
+Point = Annotated[
+    Annotated[tuple[Real, Real], Tag("<2>")] | Annotated[tuple[Real, Real, Real], Tag("<3>")],
+    Discriminator(lambda value: f"<{len(value)}>"),
+    BeforeValidator(_numbers("two numbers [a, b] (three in a 3-D scene)", 2, 3)),
+]
 Range = Annotated[Pair, AfterValidator(_increasing)]
+Face = Literal["left", "right", "front", "back", "bottom", "top"]
 
 
 class Part(BaseModel):
@@ -119,15 +132,28 @@ class Material(Part):
 
 
 class Box(Part):
-    """An upright rectangle."""
+    """An upright rectangle, in 3-D an upright box."""
 
-    min: Pair = Field(description="Lower left corner [x, z] [m].")
-    max: Pair = Field(description="Upper right corner [x, z] [m].")
+    min: Point = Field(description="Lower left corner [x, z], in 3-D the front one [x, y, z] [m].")
+    max: Point = Field(description="Upper right corner [x, z], in 3-D the back one [x, y, z] [m].")
 
     @model_validator(mode="after")
     def _has_an_inside(self) -> Box:
-        if not (self.min[0] < self.max[0] and self.min[1] < self.max[1]):
-            raise _fault("must lie to the right of min and above it", "max")
+        if not all(low < high for low, high in zip(self.min, self.max, strict=False)):
+            behind = ", behind it" if len(self.max) == 3 else ""
+            raise _fault(f"must lie to the right of min{behind} and above it", "max")
+        return self
+
+
+class BoxWall(Box):
+    """The faces of a box."""
+
+    open: tuple[Face, ...] | None = Field(None, description="Faces that are missing, in 3-D [-].")
+
+    @model_validator(mode="after")
+    def _has_a_face(self) -> BoxWall:
+        if len(set(self.open or ())) == len(get_args(Face)):
+            raise _fault("a box without any face is no wall", "open")
         return self
 
 
@@ -135,6 +161,13 @@ class Disc(Part):
     """A circle, or what lies inside it."""
 
     center: Pair = Field(description="Centre [x, z] [m].")
+    radius: Positive = Field(description="Radius [m].")
+
+
+class Ball(Part):
+    """What lies inside a sphere."""
+
+    center: Triple = Field(description="Centre [x, y, z] [m].")
     radius: Positive = Field(description="Radius [m].")
 
 
@@ -160,6 +193,11 @@ class Corner(Part):
     radius: NotNegative = Field(description="Radius of the arc [m].")
 
 
+def _refuse_width_of_box(part: Wall | Shape) -> None:
+    if part.box and part.width:
+        raise _fault("a box has its width in min and max", "width")
+
+
 def _kind_of_path_point(value: Any) -> str:
     return "<corner>" if isinstance(value, (dict, Corner)) else "<point>"
 
@@ -170,20 +208,24 @@ PathPoint = Annotated[
 
 
 class Wall(Part):
-    """A solid line that repels fluid on both of its sides."""
+    """A solid line, in 3-D a surface, that repels fluid on both of its sides."""
 
     name: Name = Field(description="Name of the wall [-].")
     path: Annotated[tuple[PathPoint, ...], Field(min_length=2)] | None = Field(
         None, description="Polyline through points [x, z] [m] or rounded corners {at, radius}."
     )
     closed: Switch = Field(False, description="Whether the path returns to its first point [-].")
-    box: Box | None = Field(None, description="Outline of an upright rectangle [m].")
+    box: BoxWall | None = Field(None, description="Outline of an upright rectangle, in 3-D the faces of a box [m].")
     disc: Disc | None = Field(None, description="Outline of a circle [m].")
     arc: Arc | None = Field(None, description="A part of a circle [m, degrees].")
+    width: Range | None = Field(
+        None, description="In 3-D, from y to y: how far a path, disc or arc reaches across [m]."
+    )
 
     @model_validator(mode="after")
     def _is_one_line(self) -> Wall:
         self._need_one_of("path", "box", "disc", "arc")
+        _refuse_width_of_box(self)
         if self.closed and self.path is None:
             raise _fault("only a path can be told to close", "closed")
         if self.path is not None:
@@ -220,17 +262,22 @@ class DensityDiffusion(Part):
 
 
 class Shape(Part):
-    """The outline of a body of fluid: exactly one of these."""
+    """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
-    box: Box | None = Field(None, description="Upright rectangle [m].")
+    box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
     polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] | None = Field(
         None, description="Corners [x, z] of a polygon [m], either way round."
     )
     disc: Disc | None = Field(None, description="Circle [m].")
+    sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")
+    width: Range | None = Field(None, description="In 3-D, from y to y: how far a polygon or disc reaches across [m].")
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Shape:
-        self._need_one_of("box", "polygon", "disc")
+        self._need_one_of("box", "polygon", "disc", "sphere")
+        _refuse_width_of_box(self)
+        if self.sphere and self.width:
+            raise _fault("a sphere has no other width", "width")
         return self
 
 
@@ -245,11 +292,12 @@ class Fill(Part):
 
 
 class Lattice(Part):
-    """The square lattice that a shape is cut from: particles stand at the centres of its cells."""
+    """The square (in 3-D cubic) lattice that a shape is cut from: particles stand at the centres of its cells."""
 
-    angle: Real = Field(0.0, description="Turn of the lattice, counter-clockwise [degrees].")
-    origin: Pair | None = Field(
-        None, description="A corner of a cell [x, z] [m]; the first corner of the shape when absent."
+    angle: Real = Field(0.0, description="Turn of the lattice in the x-z plane, counter-clockwise [degrees].")
+    origin: Point | None = Field(
+        None,
+        description="A corner of a cell [x, z], in 3-D [x, y, z] [m]; the first corner of the shape when absent.",
     )
 
 
@@ -262,7 +310,9 @@ class Fluid(Part):
     fill: Fill | None = Field(None, description="A fill instead of a shape [m].")
     lattice: Lattice | None = Field(None, description="Lattice that a shape is cut from [m, degrees].")
     hold: Switch = Field(False, description="Whether it is kept at rest until the release at t = 0 [-].")
-    velocity: Pair = Field((0.0, 0.0), description="Velocity at the start [u, w] [m/s].")
+    velocity: Point = Field(
+        (0.0, 0.0), description="Velocity at the start [u, w], in 3-D [u, v, w] [m/s]; at rest when absent."
+    )
     hydrostatic: Switch = Field(
         True, description="Whether it starts with the density that hydrostatic pressure below its own top gives [-]."
     )
@@ -283,6 +333,7 @@ class Gauge(Part):
 
     name: Name = Field(description="Name of the gauge [-]; its record is gauges/NAME.csv.")
     x: Real = Field(description="Where it stands, x [m].")
+    y: Real | None = Field(None, description="Where it stands, y [m]; needed in 3-D.")
     bottom: Real | None = Field(
         None, description="Height z at which the search for the surface ends [m]; the lowest wall point when absent."
     )
@@ -340,7 +391,9 @@ class Scene(Part):
 
     title: str = Field(description="One line for reports [-].")
     source: str = Field("", description="Where the case comes from [-].")
-    dimensions: Literal[2, 3] = Field(2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane.")
+    dimensions: Literal[2, 3] = Field(
+        2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane, points of a 3-D one are [x, y, z]."
+    )
     spacing: Positive = Field(description="Particle spacing dx [m].")
     gravity: NotNegative = Field(9.81, description="Gravity along -z [m/s2].")
     smoothing: Smoothing = Field(Smoothing(), description="The smoothing kernel.")
@@ -389,6 +442,16 @@ class Scene(Part):
         data = self.model_dump(mode="json", exclude_none=True)
         return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _rest_in_space(cls, data: Any) -> Any:
+        # Rest is the default, and has as many components as the scene has dimensions.
+        if isinstance(data, dict) and data.get("dimensions") == 3 and isinstance(data.get("fluids"), (list, tuple)):
+            rest = {"velocity": (0.0, 0.0, 0.0)}
+            fluids = [rest | fluid if isinstance(fluid, dict) else fluid for fluid in data["fluids"]]
+            return data | {"fluids": fluids}
+        return data
+
     @model_validator(mode="after")
     def _holds_together(self) -> Scene:
         for path, message in _contradictions(self):
@@ -397,9 +460,8 @@ class Scene(Part):
 
 
 def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
-    """What no single field can know: (path, message) for every name that does not fit the rest of the scene."""
-    if scene.dimensions == 3:
-        yield "dimensions", "3-D scenes cannot be run yet; only 2 for now"
+    """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
+    yield from _misplaced(scene)
     for kind in ("walls", "fluids", "gauges"):
         seen: dict[str, int] = {}
         for i, part in enumerate(getattr(scene, kind)):
@@ -413,6 +475,42 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"fluids[{i}].material", f"no material named '{fluid.material}'{hint}"
         if fluid.fill and fluid.fill.above not in (names := [wall.name for wall in scene.walls]):
             yield f"fluids[{i}].fill.above", f"no wall named '{fluid.fill.above}'{nearest(fluid.fill.above, names)}"
+
+
+def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
+    """(path, message) for whatever belongs to a scene of the other number of dimensions."""
+    points: dict[str, tuple[float, ...] | None] = {}  # has as many numbers as the scene has dimensions
+    spatial: dict[str, Any] = {}  # not in 2-D
+    needed: dict[str, Any] = {}  # not in 2-D, and never absent in 3-D
+
+    def sort_out(path: str, part: Wall | Shape) -> None:
+        if part.box:
+            points.update({f"{path}.box.min": part.box.min, f"{path}.box.max": part.box.max})
+            spatial[f"{path}.box.open"] = getattr(part.box, "open", None)
+        elif not getattr(part, "sphere", None):
+            needed[f"{path}.width"] = part.width
+
+    for i, wall in enumerate(scene.walls):
+        sort_out(f"walls[{i}]", wall)
+    for i, fluid in enumerate(scene.fluids):
+        points[f"fluids[{i}].velocity"] = fluid.velocity
+        if fluid.lattice:
+            points[f"fluids[{i}].lattice.origin"] = fluid.lattice.origin
+        if fluid.shape:
+            sort_out(f"fluids[{i}].shape", fluid.shape)
+            spatial[f"fluids[{i}].shape.sphere"] = fluid.shape.sphere
+    needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
+
+    numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
+    for path, point in points.items():
+        if point is not None and len(point) != scene.dimensions:
+            yield path, f"{numbers} are needed in a {scene.dimensions}-D scene, not {len(point)}"
+    if scene.dimensions == 3:
+        yield from ((path, "this field is missing, in a 3-D scene") for path, value in needed.items() if value is None)
+    else:
+        for path, value in (spatial | needed).items():
+            if value is not None:
+                yield path, "means nothing in a 2-D scene; it goes with 'dimensions: 3'"
 
 
 # ------------------------------------------------------------------------------------------------------------- loading

@@ -85,6 +85,12 @@ def _ribbon(outline: np.ndarray, half_width: float) -> tuple[np.ndarray, np.ndar
     return points.reshape(-1, 3), np.stack([first, first + 1, first + 3, first + 2], axis=1)
 
 
+def _loose_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and four-cornered faces of faces in space, shape [face_count, 4, 3]."""
+    points = faces.reshape(-1, 3).astype(np.float32)
+    return points, np.arange(len(points), dtype=np.int32).reshape(-1, 4)
+
+
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """Provenance in the types that layer data holds: what USD has no type for becomes text."""
     return {
@@ -104,7 +110,7 @@ class UsdCache:
         folder: Where the cache goes; made when absent.
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
         walls: Name of each wall and its outline in the x-z plane [m], shape [corner_count, 2]; a closed outline ends
-            where it starts.
+            where it starts. In 3-D its four-cornered faces [m], shape [face_count, 4, 3].
         spacing: Particle spacing [m], drawn as the diameter of a particle.
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
         provenance: What made the run, kept in the root file; nested mappings and plain values.
@@ -235,13 +241,13 @@ class UsdCache:
             points.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(color)])
 
     def _make_static_stage(self, walls: Mapping[str, np.ndarray]) -> Usd.Stage:
-        """Walls as ribbons two spacings wide across the x-z plane, seen as guides and not rendered."""
+        """Walls as faces, in 2-D as ribbons two spacings wide across the x-z plane; guides that are not rendered."""
         stage = self._new_stage()
         UsdGeom.Scope.Define(stage, WALL_SCOPE)
-        for prim_name, (name, outline) in zip(_prim_names(walls), walls.items(), strict=True):
+        for prim_name, (name, drawn) in zip(_prim_names(walls), walls.items(), strict=True):
             mesh = UsdGeom.Mesh.Define(stage, f"{WALL_SCOPE}/{prim_name}")
             mesh.GetPrim().SetDisplayName(name)
-            points, faces = _ribbon(np.asarray(outline), self._spacing)
+            points, faces = _ribbon(drawn, self._spacing) if drawn.ndim == 2 else _loose_faces(drawn)
             mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
             mesh.CreateFaceVertexCountsAttr([4] * len(faces))
             mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))

@@ -23,6 +23,7 @@ class Case:
 
 CASES: Mapping[str, Case] = {
     "still_water": Case("a tank at rest between radial walls", measure_still_water),
+    "still_water_3d": Case("the same in a box, in 3-D", measure_still_water),
     "landslide": Case("fragmented slide into 0.15 m of water (calibrated here)", measure_landslide),
     "landslide_0175": Case("the same slide into 0.175 m of water (predicted)", measure_landslide),
     "landslide_0200": Case("the same slide into 0.20 m of water (predicted)", measure_landslide),

@@ -18,10 +18,13 @@ def measure_still_water(run: Run) -> list[Result]:
     depth, g, h = scene.fluids[0].fill.level, scene.gravity, scene.smoothing_length
     state, order = simulation.state, np.argsort(simulation.state.id.numpy())
     snapshot = state.snapshot()
-    x, z = snapshot.position[:, 0], snapshot.position[:, 2]
-    left, right = simulation.placement.wall_position[[0, -1], 0]
+    z = snapshot.position[:, 2]
     # Where no kernel reaches a wall or the surface.
-    away = (x > left + 4 * h) & (x < right - 4 * h) & (z > 2 * h) & (z < depth - 2 * h)
+    away = (z > 2 * h) & (z < depth - 2 * h)
+    for axis in (0, 1)[: scene.dimensions - 1]:
+        low, high = (end(simulation.placement.wall_position[:, axis]) for end in (np.min, np.max))
+        across = snapshot.position[:, axis]
+        away &= (across > low + 4 * h) & (across < high - 4 * h)
     slope, bottom = np.polyfit(z[away], snapshot.pressure[away], 1)
     by_pressure = state.pressure_acceleration.numpy()[order][away, 2]
     rest = scene.materials[scene.fluids[0].material].density
