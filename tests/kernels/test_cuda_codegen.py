@@ -10,10 +10,19 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
-from warpsph.kernels.density import DENSITY_DIFFUSION, density_rate_kernel
+from warpsph.kernels.corrections import CORRECTION, filtered_density_kernel, renormalisation_kernel
+from warpsph.kernels.density import DENSITY_DIFFUSION
 from warpsph.kernels.gauges import volume_fraction_kernel
-from warpsph.kernels.momentum import acceleration_kernel
-from warpsph.kernels.neighbours import gather_kernel
+from warpsph.kernels.laminar import (
+    LAMINAR,
+    MEAN,
+    laminar_acceleration_kernel,
+    stress_acceleration_kernel,
+    velocity_gradient_kernel,
+)
+from warpsph.kernels.neighbours import gather_kernel, list_kernel
+from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
+from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
@@ -25,12 +34,25 @@ MODULES = [
 # Functions and structs are compiled with the kernels that use them.
 WITH_KERNELS = [module.__name__ for module in MODULES if wp.get_module(module.__name__).kernels]
 
+HALVES = [(True, True), (True, False), (False, True)]
+# Each formula once in full; what is left out costs no term.
+FORMULAS = [
+    *(Formulas(smoothing=name, xsph=True, tensile_correction=True) for name in SMOOTHING),
+    *(Formulas(viscosity=name, mixture=False, dimensions=2) for name in VISCOSITY),
+    *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
+]
 # Each factory with all that it can be asked for.
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
-    acceleration_kernel: list(product(SMOOTHING, VISCOSITY, (True, False))),
-    density_rate_kernel: list(product(SMOOTHING, DENSITY_DIFFUSION)),
+    rates_kernel: [(formulas, CUDA_LAYOUT, *half) for formulas in FORMULAS for half in HALVES],
+    list_kernel: [(True,), (False,)],
     wall_acceleration_kernel: list(product(WALL_FORCE, SMOOTHING)),
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
+    filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
+    renormalisation_kernel: [(name,) for name in SMOOTHING],
+    velocity_gradient_kernel: list(product(SMOOTHING, (True, False))),
+    laminar_acceleration_kernel: list(product(SMOOTHING, LAMINAR, MEAN)),
+    stress_acceleration_kernel: [(name,) for name in SMOOTHING],
+    apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
 }
 

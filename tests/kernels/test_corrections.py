@@ -1,0 +1,219 @@
+"""Corrections: what Shepard, moving least squares and renormalised gradients reproduce; Vasco (2014), appendix B."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpsph.kernels.corrections import filtered_density_kernel, renormalisation_kernel
+from warpsph.kernels.smoothing import SMOOTHING
+
+# Single precision, moments of some fifty terms, their eigenvalues up to 10 times apart: relative to the largest value.
+TOLERANCE = 1e-5
+MLS_TOLERANCE = 1e-6  # what is asked of appendix B, of the value itself
+
+every_smoothing = pytest.mark.parametrize("smoothing", SMOOTHING)
+jitter = pytest.mark.parametrize("jitter", [0.0, 0.25], ids=["ordered", "jittered"])
+
+
+def interpolate(cloud, values: np.ndarray, correction: str) -> tuple[np.ndarray, np.ndarray]:
+    """`values` at the particles, interpolated from all of them, and the sum of V_j W_ij, each of shape [n]."""
+    density = cloud.array(values, wp.float64)
+    inputs = [cloud.position_volume, cloud.fluids, cloud.neighbour_count, cloud.neighbour_list, density]
+    found, support = cloud.run(filtered_density_kernel(cloud.smoothing, correction), inputs, [wp.float64, float])
+    return found, support
+
+
+def renormalisation(cloud) -> np.ndarray:
+    """B_i, shape [n, 3, 3]."""
+    inputs = [cloud.position_volume, cloud.neighbour_count, cloud.neighbour_list]
+    (B,) = cloud.run(renormalisation_kernel(cloud.smoothing), inputs, [wp.mat33])
+    return B
+
+
+def plane(values: np.ndarray) -> np.ndarray:
+    """The x-z part of vectors or matrices."""
+    return values[..., [0, 2]] if values.ndim == 2 else values[:, [0, 2]][:, :, [0, 2]]
+
+
+@pytest.fixture
+def appendix_b(make_cloud, lattice):
+    """A function that makes the 361 particles of (0.5, 1.5) x (0.5, 1.5), h = 2 dx, moved by up to `jitter` dx."""
+
+    def make(jitter: float, **fields):
+        x = lattice(19, 19, 0.05) + np.array([1.0, 0.0, 1.0])
+        x += jitter * 0.05 * np.random.default_rng(4).uniform(-1, 1, x.shape) * [1, 0, 1]
+        return make_cloud(x, spacing=0.05, ratio=2.0, **({"smoothing": "cubic_spline"} | fields))
+
+    return make
+
+
+def linear(cloud) -> np.ndarray:
+    """f = x + y of appendix B; here y is z."""
+    return cloud.x[:, 0] + cloud.x[:, 2]
+
+
+def relative_error(cloud, correction: str) -> np.ndarray:
+    return np.abs(interpolate(cloud, linear(cloud), correction)[0] / linear(cloud) - 1.0)
+
+
+# ------------------------------------------------------------------------------------------------------- appendix B
+
+
+@jitter
+def test_mls_of_appendix_b(appendix_b, jitter):
+    """The thesis: nothing where ordered, 1e-4 % where jittered."""
+    assert relative_error(appendix_b(jitter), "mls").max() < MLS_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("constant", "corner", "tolerance", "inside"),
+    [(1.0, 0.561, 0.002, 1e-4), (2.0 / 3.0, 0.707, 0.003, 0.334)],
+    ids=["right", "eq32"],
+)
+def test_plain_sums_of_appendix_b(appendix_b, constant, corner, tolerance, inside):
+    """The thesis's "more than 70 %" in the corners, and a third inside, come from the constant of its eq 32."""
+    cloud = appendix_b(0.0)
+    cloud.parameters.kernel_norm *= constant
+    error = relative_error(cloud, "plain")
+    assert error.argmax() == 360  # the corner (1.45, 1.45)
+    assert error.max() == pytest.approx(corner, abs=tolerance)
+    assert error[180] < inside
+
+
+def test_renormalised_gradient_of_appendix_b(appendix_b):
+    """First order, exact for f = x + y: eq 53 with eq 54."""
+    cloud = appendix_b(0.25)
+    f = linear(cloud)
+    raw = np.einsum("j,ij,ijk->ik", cloud.V, f[None] - f[:, None], cloud.grad_W)
+    gradient = np.einsum("ikl,il->ik", renormalisation(cloud), raw)
+    np.testing.assert_allclose(plane(gradient), 1.0, rtol=0, atol=TOLERANCE)
+
+
+# ---------------------------------------------------------------------------------------------------------- density
+
+
+@every_smoothing
+@jitter
+def test_shepard_reproduces_a_constant(appendix_b, smoothing, jitter):
+    """Up to the surface, where the plain sum has lost more than half."""
+    cloud = appendix_b(jitter, smoothing=smoothing)
+    for correction in ("shepard", "mls"):
+        found, _ = interpolate(cloud, np.full(361, 1000.0), correction)
+        np.testing.assert_allclose(found, 1000.0, rtol=TOLERANCE)
+    found, _ = interpolate(cloud, np.full(361, 1000.0), "plain")
+    assert found.min() < 600.0
+
+
+@every_smoothing
+@jitter
+def test_mls_reproduces_a_linear_field(appendix_b, smoothing, jitter):
+    """Hydrostatic density, up to the surface; Shepard does not."""
+    cloud = appendix_b(jitter, smoothing=smoothing)
+    rho = 1000.0 + 30.0 * (1.5 - cloud.x[:, 2]) - 12.0 * cloud.x[:, 0]
+    error = {name: np.abs(interpolate(cloud, rho, name)[0] - rho).max() / np.ptp(rho) for name in ("shepard", "mls")}
+    assert error["mls"] < TOLERANCE < 0.01 < error["shepard"]
+
+
+def test_mls_in_space(make_cloud):
+    """The y row counts there, and the corners have an eighth of a neighbourhood."""
+    random = np.random.default_rng(5)
+    cube = np.stack(np.meshgrid(*[np.arange(7)] * 3), axis=-1).reshape(-1, 3)
+    x = 0.1 * (cube + random.uniform(-0.2, 0.2, cube.shape))
+    cloud = make_cloud(x)
+    cloud.parameters.kernel_norm = SMOOTHING["wendland_c2"].normalisation[3] / cloud.h**3
+    cloud.parameters.gradient_norm = cloud.parameters.kernel_norm / cloud.h**2
+    cloud.position_volume = cloud.array(np.column_stack([cloud.x, np.full(343, 1e-3)]), wp.vec4)
+    rho = 1000.0 + cloud.x @ [10.0, -20.0, 30.0]
+    found, support = interpolate(cloud, rho, "mls")
+    np.testing.assert_allclose(found, rho, rtol=0, atol=TOLERANCE * np.ptp(rho))
+    assert support[171] == pytest.approx(1.0, abs=0.1) and support.min() < 0.4
+    # The gradient too: M B = I is what makes it exact.
+    scale = SMOOTHING["wendland_c2"].normalisation[3] / (cloud.h * SMOOTHING["wendland_c2"].normalisation[2])
+    M = -1e-3 * scale * np.einsum("ijk,ijl->ikl", cloud.x_ij, cloud.grad_W)
+    np.testing.assert_allclose(M @ renormalisation(cloud), np.broadcast_to(np.eye(3), (343, 3, 3)), atol=TOLERANCE)
+
+
+def test_support_is_shepards_sum(mixture):
+    """sum V_j W_ij, the particle itself among them, and no particle of another fluid."""
+    cloud = mixture()
+    _, support = interpolate(cloud, cloud.rho, "plain")
+    same = cloud.fluid[:, None] == cloud.fluid
+    expected = np.sum(same * cloud.V * cloud.W, axis=1) + cloud.V * cloud.W_at(0.0)
+    np.testing.assert_allclose(support, expected, rtol=TOLERANCE)
+
+
+@pytest.mark.parametrize("correction", ["shepard", "mls"])
+def test_fluids_do_not_mix(mixture, correction):
+    """Water beside rock stays water."""
+    cloud = mixture()
+    rho = np.where(cloud.fluid == 0, 1000.0, 2530.0)
+    found, _ = interpolate(cloud, rho, correction)
+    np.testing.assert_allclose(found, rho, rtol=TOLERANCE)
+
+
+def test_plain_is_eq_42(mixture):
+    """rho_i = sum_j m_j W_ij of one fluid."""
+    cloud = mixture(fluid=0)
+    found, _ = interpolate(cloud, cloud.rho, "plain")
+    expected = cloud.W @ cloud.m + cloud.m * cloud.W_at(0.0)
+    np.testing.assert_allclose(found, expected, rtol=TOLERANCE)
+
+
+@pytest.mark.parametrize("correction", ["shepard", "mls"])
+def test_right_density_is_left_to_the_last_digit(appendix_b, correction):
+    """A double that no float can hold comes back with an error far below single precision."""
+    rho = 1000.0 + 1e-7
+    found, _ = interpolate(appendix_b(0.25), np.full(361, rho), correction)
+    np.testing.assert_allclose(found, rho, rtol=5e-7)
+
+
+# ------------------------------------------------------------------------------------- where neighbours do not span
+
+
+@pytest.mark.parametrize(
+    "x",
+    [[[0, 0, 0]], [[0, 0, 0], [0.1, 0, 0]], [[0.1 * k, 0, 0.05 * k] for k in range(5)]],
+    ids=["alone", "pair", "line"],
+)
+def test_falls_back_where_neighbours_do_not_span(make_cloud, x):
+    """MLS becomes Shepard's and B the identity."""
+    cloud = make_cloud(np.array(x, float))
+    rho = 1000.0 + 10.0 * np.arange(len(x))
+    by_mls, by_shepard = (interpolate(cloud, rho, name)[0] for name in ("mls", "shepard"))
+    np.testing.assert_array_equal(by_mls, by_shepard)
+    np.testing.assert_array_equal(renormalisation(cloud), np.broadcast_to(np.eye(3), (len(x), 3, 3)))
+
+
+def test_spray_on_the_rim_of_a_support(make_cloud):
+    """Neighbours so far that they hardly count: nothing is blown up."""
+    far = 2.0 * 0.15 * (1.0 - 1e-3)
+    cloud = make_cloud(np.array([[0, 0, 0], [far, 0, 0], [0, 0, far]], float))
+    found, _ = interpolate(cloud, np.array([1000.0, 1010.0, 990.0]), "mls")
+    assert found[0] == pytest.approx(1000.0, abs=1e-3)
+    np.testing.assert_array_equal(renormalisation(cloud)[0], np.eye(3))
+
+
+# --------------------------------------------------------------------------------------------------------- gradient
+
+
+@every_smoothing
+def test_renormalisation_is_eq_54(mixture, smoothing):
+    """B = [sum V_j (x_j - x_i) (x) grad_i W_ij]^-1, in the plane."""
+    cloud = mixture(smoothing=smoothing)
+    M = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.x_ij, cloud.grad_W)
+    expected = np.linalg.inv(plane(M))
+    np.testing.assert_allclose(plane(renormalisation(cloud)), expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
+
+
+@every_smoothing
+def test_renormalisation_of_a_lattice_is_that_of_space(make_cloud, lattice, smoothing):
+    """Inside B is the identity but for the lattice's own error; its y, which nothing uses, is close to 1."""
+    B = renormalisation(make_cloud(lattice(13, 13), smoothing=smoothing, ratio=2.0))[84]
+    np.testing.assert_allclose(B, np.eye(3), rtol=0, atol=0.02)
+
+
+def test_neighbour_list_by_columns(mixture):
+    """As it lies on a GPU: the same terms in the same order, so the same bits."""
+    rows, columns = mixture(), mixture(by_column=True)
+    np.testing.assert_array_equal(interpolate(rows, rows.rho, "mls"), interpolate(columns, rows.rho, "mls"))
+    np.testing.assert_array_equal(renormalisation(rows), renormalisation(columns))

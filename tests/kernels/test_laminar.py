@@ -1,0 +1,284 @@
+"""Laminar viscosity: each form against NumPy's sum over all pairs, what it conserves, how viscous it makes a flow."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warpsph.kernels.laminar import (
+    LAMINAR,
+    MEAN,
+    VISCOUS_COURANT,
+    artificial_share,
+    laminar_acceleration_kernel,
+    stress_acceleration_kernel,
+    velocity_gradient_kernel,
+    viscous_stress,
+)
+from warpsph.kernels.smoothing import SMOOTHING
+
+# Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
+TOLERANCE = 1e-5
+
+every_smoothing = pytest.mark.parametrize("smoothing", SMOOTHING)
+every_form = pytest.mark.parametrize("form", [*LAMINAR, "stress"])
+
+
+def lists(cloud) -> list[wp.array]:
+    return [cloud.fluids, cloud.neighbour_count, cloud.neighbour_list]
+
+
+def velocity_gradient(cloud, renormalise: bool = False) -> np.ndarray:
+    """L_i [1/s], shape [n, 3, 3]."""
+    inputs = [cloud.position_volume, cloud.velocity_pressure, cloud.neighbour_count, cloud.neighbour_list]
+    (L,) = cloud.run(velocity_gradient_kernel(cloud.smoothing, renormalise), inputs, [wp.mat33])
+    return L
+
+
+def stress(cloud, mu: np.ndarray, renormalise: bool = False) -> np.ndarray:
+    """T_i [Pa], shape [n, 3, 3]."""
+    gradient, stress = (cloud.array(np.zeros((len(mu), 3, 3)), wp.mat33) for _ in range(2))
+    gradient.assign(velocity_gradient(cloud, renormalise))
+    cloud.launcher.run(viscous_stress, len(mu), [gradient, cloud.array(mu, float), 2, stress])
+    return stress.numpy().astype(float)
+
+
+def divergence(cloud, T: np.ndarray) -> np.ndarray:
+    """div T / rho [m/s2], shape [n, 3]."""
+    inputs = [cloud.position_volume, *lists(cloud), cloud.array(T, wp.mat33)]
+    (found,) = cloud.run(stress_acceleration_kernel(cloud.smoothing), inputs, [wp.vec3])
+    return found
+
+
+def acceleration(cloud, form: str, mu: np.ndarray | float, mean: str = "arithmetic") -> np.ndarray:
+    """By the viscosity `mu` [Pa s] in one of the two pair forms, or by the divergence of its stress; shape [n, 3]."""
+    mu = np.broadcast_to(mu, len(cloud.x))
+    if form == "stress":
+        return divergence(cloud, stress(cloud, mu))
+    inputs = [cloud.position_volume, cloud.velocity_pressure, *lists(cloud), cloud.array(mu, float), 2]
+    (found,) = cloud.run(laminar_acceleration_kernel(cloud.smoothing, form, mean), inputs, [wp.vec3])
+    return found
+
+
+def random_viscosity(cloud) -> np.ndarray:
+    """From 1 to 1000 Pa s, as a yield stress makes it."""
+    return 10.0 ** np.random.default_rng(7).uniform(0.0, 3.0, len(cloud.x))
+
+
+def shaken(x: np.ndarray, share: float) -> np.ndarray:
+    """`x` with every point moved by up to `share` of the lattice's 0.1 m."""
+    return x + 0.1 * share * np.random.default_rng(3).uniform(-1, 1, x.shape) * [1, 0, 1]
+
+
+def assert_same(found: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
+
+
+# --------------------------------------------------------------------------------------------------------- formulas
+
+
+@every_smoothing
+@pytest.mark.parametrize("mean", MEAN)
+def test_morris_is_eq_99(mixture, smoothing, mean):
+    """sum_j m_j (mu_i + mu_j) u_ij / (rho_i rho_j) (1/r dW/dr); or with the harmonic mean of the two."""
+    cloud = mixture(smoothing=smoothing)
+    mu = random_viscosity(cloud)
+    both = mu[:, None] + mu
+    twice = both if mean == "arithmetic" else 4.0 * mu[:, None] * mu / both
+    slope = np.einsum("ijk,ijk->ij", cloud.x_ij, cloud.grad_W) / cloud.r**2
+    expected = np.einsum("ij,ijk->ik", cloud.m * twice / (cloud.rho[:, None] * cloud.rho) * slope, cloud.u_ij)
+    assert_same(acceleration(cloud, "morris", mu, mean), expected)
+
+
+@every_smoothing
+def test_cleary_is_its_formula(mixture, smoothing):
+    """8 mu (u_ij . x_ij) / r^2 grad W in the plane."""
+    cloud = mixture(smoothing=smoothing)
+    mu = random_viscosity(cloud)
+    factor = 4.0 * (mu[:, None] + mu) * np.einsum("ijk,ijk->ij", cloud.u_ij, cloud.x_ij) / cloud.r**2
+    factor *= cloud.m / (cloud.rho[:, None] * cloud.rho)
+    assert_same(acceleration(cloud, "cleary", mu), np.einsum("ij,ijk->ik", factor, cloud.grad_W))
+
+
+@every_smoothing
+def test_stress_form_is_eq_100(mixture, smoothing):
+    """sum_j m_j (T_i + T_j) / (rho_i rho_j) . grad_i W_ij, T = mu (D - (div u) I) in the plane."""
+    cloud = mixture(smoothing=smoothing)
+    mu = random_viscosity(cloud)
+    L = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.u_ij, cloud.grad_W)
+    assert_same(velocity_gradient(cloud), L)
+    T = L + np.swapaxes(L, 1, 2) - np.trace(L, axis1=1, axis2=2)[:, None, None] * np.diag([1.0, 0.0, 1.0])
+    T *= mu[:, None, None]
+    assert_same(stress(cloud, mu), T)
+    factor = cloud.m / (cloud.rho[:, None] * cloud.rho)
+    expected = np.einsum("ij,ijkl,ijl->ik", factor, T[:, None] + T, cloud.grad_W)
+    assert_same(acceleration(cloud, "stress", mu), expected)
+
+
+def test_stress_has_no_trace(mixture):
+    T = stress(mixture(), np.ones(289))
+    assert np.abs(np.trace(T, axis1=1, axis2=2)).max() < TOLERANCE * np.abs(T).max()
+    assert not T[:, 1].any() and not T[:, :, 1].any()
+
+
+# ----------------------------------------------------------------------------------------------------- conservation
+
+
+@every_form
+@pytest.mark.parametrize("mean", MEAN)
+def test_momentum_is_conserved(mixture, form, mean):
+    """Between fluids of any density and viscosity, in disorder and at the surface."""
+    cloud = mixture()
+    force = cloud.m[:, None] * acceleration(cloud, form, random_viscosity(cloud), mean)
+    assert np.all(np.abs(force.sum(axis=0)) < TOLERANCE * np.abs(force).sum())
+
+
+def test_angular_momentum_is_conserved_along_the_line_between(mixture):
+    cloud = mixture()
+    torque = np.cross(cloud.x, cloud.m[:, None] * acceleration(cloud, "cleary", random_viscosity(cloud)))[:, 1]
+    assert abs(torque.sum()) < TOLERANCE * np.abs(torque).sum()
+
+
+@every_form
+def test_kinetic_energy_is_lost(mixture, form):
+    cloud = mixture()
+    power = cloud.m * np.einsum("ik,ik->i", acceleration(cloud, form, random_viscosity(cloud)), cloud.u)
+    assert power.sum() < -0.01 * np.abs(power).sum()
+
+
+def test_the_stress_form_loses_what_the_stress_does(mixture):
+    """sum m u . a = - sum V T : L, exactly: eq 100 is the partner of the plain gradient."""
+    cloud = mixture()
+    mu = random_viscosity(cloud)
+    power = np.sum(cloud.m * np.einsum("ik,ik->i", acceleration(cloud, "stress", mu), cloud.u))
+    heat = np.sum(cloud.V * np.einsum("ikl,ikl->i", stress(cloud, mu), velocity_gradient(cloud)))
+    assert heat > 0.0
+    assert power == pytest.approx(-heat, rel=TOLERANCE)
+
+
+@every_form
+def test_uniform_motion_is_left_alone(make_cloud, lattice, form):
+    cloud = make_cloud(shaken(lattice(9, 9), 0.2), u=[5.0, 0.0, -2.0])
+    assert not acceleration(cloud, form, 1.0).any()
+
+
+def test_rotation_is_left_alone_along_the_line_between(make_cloud, lattice):
+    """By `cleary` in any disorder; eq 99 turns back even a rigid body at its surface."""
+    x = shaken(lattice(9, 9), 0.2)
+    still = np.zeros(len(x))
+    spin = make_cloud(x, u=3.0 * np.stack([-x[:, 2], still, x[:, 0]], axis=1))
+    shear = make_cloud(x, u=3.0 * np.stack([x[:, 2], still, x[:, 0]], axis=1))
+    largest = np.abs(acceleration(shear, "cleary", 1.0)).max()
+    assert np.abs(acceleration(spin, "cleary", 1.0)).max() < TOLERANCE * largest
+    assert np.abs(acceleration(spin, "morris", 1.0)).max() > 0.1 * largest
+
+
+# -------------------------------------------------------------------------------------------------------- gradients
+
+
+@every_smoothing
+def test_renormalised_gradient_is_exact_for_linear_fields(make_cloud, lattice, smoothing):
+    """At the surface and in disorder; the plain one has lost half of it there."""
+    x = shaken(lattice(13, 13), 0.2)
+    G = np.array([[1.0, 0.0, -2.0], [0.0, 0.0, 0.0], [3.0, 0.0, 0.5]])
+    cloud = make_cloud(x, u=x @ G.T, smoothing=smoothing)
+    exact = np.broadcast_to(G, (len(x), 3, 3))
+    np.testing.assert_allclose(velocity_gradient(cloud, True), exact, rtol=0, atol=TOLERANCE * np.abs(G).max())
+    assert np.abs(velocity_gradient(cloud) - exact).max() > 0.4 * np.abs(G).max()
+
+
+def test_trace_is_the_divergence_of_continuity(mixture):
+    """d rho_i/dt = -rho_i tr L_i, as the pair loop of eq 43 has it."""
+    cloud = mixture()
+    rate, _, _ = cloud.density_rate()
+    assert_same(-cloud.rho * np.trace(velocity_gradient(cloud), axis1=1, axis2=2), rate)
+
+
+# ---------------------------------------------------------------------------------------------- viscosity, measured
+
+
+def measured_viscosity(make_cloud, lattice, form: str, ratio: float, jitter: float, smoothing: str) -> np.ndarray:
+    """mu [Pa s] of a fluid of 2 Pa s, from rho du/dt = mu d2u/dz2 in u = z^2, at every particle far from the edges."""
+    half = int(np.ceil(2 * SMOOTHING[smoothing].support * ratio)) + 3
+    x = shaken(lattice(2 * half + 1, 2 * half + 1), jitter)
+    cloud = make_cloud(x, u=x[:, 2:] ** 2 * [1.0, 0.0, 0.0], ratio=ratio, smoothing=smoothing)
+    inside = np.abs(x).max(axis=1) < 0.35
+    return 1000.0 * acceleration(cloud, form, 2.0)[inside, 0] / 2.0
+
+
+@every_smoothing
+@pytest.mark.parametrize(
+    ("form", "ratio", "error"),
+    [("morris", 2.0, 0.002), ("stress", 2.0, 0.004), ("cleary", 2.0, 0.05), ("cleary", 3.0, 0.01)],
+)
+def test_quadratic_profile_on_a_lattice(make_cloud, lattice, form, ratio, error, smoothing):
+    """A parabola has no error of smoothing: what is left is that of the sum over the lattice.
+
+    At h = 1.5 dx with the Wendland kernel it is 0.3 % (morris), 0.5 % (stress) and 11 % (cleary).
+    """
+    mu = measured_viscosity(make_cloud, lattice, form, ratio, 0.0, smoothing)
+    np.testing.assert_allclose(mu, 2.0, rtol=error)
+
+
+@pytest.mark.parametrize(
+    ("form", "ratio", "error", "scatter"),
+    [
+        ("morris", 2.0, 0.03, 0.06),
+        ("stress", 2.0, 0.03, 0.06),
+        ("cleary", 2.0, 0.03, 0.15),
+        ("morris", 3.0, 0.005, 0.025),
+        ("stress", 3.0, 0.005, 0.025),
+        ("cleary", 3.0, 0.005, 0.06),
+    ],
+)
+def test_quadratic_profile_in_disorder(make_cloud, lattice, form, ratio, error, scatter):
+    """0.1 dx of disorder scatters the second derivative of single particles; the mean of them is right."""
+    mu = measured_viscosity(make_cloud, lattice, form, ratio, 0.1, "wendland_c2")
+    assert mu.mean() == pytest.approx(2.0, rel=error)
+    assert mu.std() < scatter * 2.0
+
+
+def fastest_decay(cloud, form: str) -> float:
+    """The largest lambda of du/dt = -lambda u with 1 Pa s [1/s], by repeated application to a random field."""
+    u = np.random.default_rng(8).normal(size=(len(cloud.x), 3)) * [1, 0, 1]
+    for _ in range(80):
+        rate = float(np.linalg.norm(u))
+        cloud.velocity_pressure = cloud.array(np.column_stack([u / rate, cloud.p]), wp.vec4)
+        u = acceleration(cloud, form, 1.0)
+    return float(np.linalg.norm(u))
+
+
+@every_smoothing
+@every_form
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+def test_longest_step_is_stable_and_not_timid(make_cloud, lattice, form, jitter, smoothing):
+    """lambda dt <= 1 with dt = C rho h^2 / mu, and not less than a quarter."""
+    cloud = make_cloud(shaken(lattice(15, 15), jitter), ratio=1.5, smoothing=smoothing)
+    dt = VISCOUS_COURANT[form] * 1000.0 * cloud.h**2
+    found = fastest_decay(cloud, form) * dt
+    assert 0.25 < found < 1.0
+
+
+@every_smoothing
+@pytest.mark.parametrize(("viscosity", "error"), [("signal", 0.005), ("monaghan", 0.03)])
+def test_artificial_viscosity_as_a_real_one(make_cloud, lattice, viscosity, error, smoothing):
+    """nu = share alpha c h, measured as any other; the lattice's own error is larger where g is steeper."""
+    x = lattice(25, 25)
+    cloud = make_cloud(x, u=x[:, 2:] ** 2 * [1.0, 0.0, 0.0], ratio=3.0, smoothing=smoothing)
+    _, found = cloud.acceleration(viscosity)
+    share = found[len(x) // 2, 0] / 2.0 / (cloud.alpha[0] * cloud.c[0] * cloud.h)
+    assert share == pytest.approx(artificial_share(viscosity, smoothing, 2), rel=error)
+
+
+@pytest.mark.parametrize(
+    ("viscosity", "smoothing", "share"),
+    [("signal", "wendland_c2", 1 / 8), ("signal", "cubic_spline", 15 / 112)],
+)
+def test_artificial_share_in_closed_form(viscosity, smoothing, share):
+    assert artificial_share(viscosity, smoothing, 2) == pytest.approx(share, rel=1e-6)
+
+
+@every_form
+def test_neighbour_list_by_columns(mixture, form):
+    """As it lies on a GPU: the same terms in the same order, so the same bits."""
+    rows, columns = mixture(), mixture(by_column=True)
+    np.testing.assert_array_equal(acceleration(rows, form, 1.0), acceleration(columns, form, 1.0))

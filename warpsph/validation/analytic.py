@@ -1,0 +1,319 @@
+"""Exact and asymptotic solutions that case studies are held against. SI units; arrays broadcast; no kernel runs here.
+
+Depths and heights z are measured from the bed or the lower plate, x from the back wall unless said otherwise. A body
+force G is an acceleration along the flow, g sin(slope) on a slope.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# Terms of a Fourier series exp(-n^2 s): beyond n^2 s = 40 they are below double precision.
+_DECADES = 40.0
+_MOST_TERMS = 4000
+
+# ------------------------------------------------------------------------------------------------- viscous, transient
+
+
+def periodic_shear(z: ArrayLike, t: float, *, speed: float, wavelength: float, viscosity: float) -> np.ndarray:
+    """u [m/s] at z [m] of a shear wave that dies away: an exact solution of Navier-Stokes.
+
+    u = U sin(k z) exp(-nu k^2 t), k = 2 pi / wavelength, nu = `viscosity` [m2/s]. Vasco (2014) 6.2.1 compares with the
+    wave that does not decay.
+    """
+    k = 2.0 * math.pi / wavelength
+    return speed * math.exp(-viscosity * k**2 * t) * np.sin(k * np.asarray(z, float))
+
+
+def poiseuille_free_surface(
+    z: ArrayLike, t: float, *, depth: float, acceleration: float, viscosity: float
+) -> np.ndarray:
+    """u [m/s] at z of a layer of `depth` d [m] on a slope, let go at t = 0; `t` may be infinite.
+
+    u = G / nu (d z - z^2 / 2) - sum_n 2 G / (nu d l^3) sin(l z) exp(-nu l^2 t), l = (n + 1/2) pi / d, n >= 0: Vasco
+    (2014) eq 101. The lower half of `poiseuille` between plates 2 d apart.
+    """
+    return poiseuille(z, t, height=2.0 * depth, acceleration=acceleration, viscosity=viscosity)
+
+
+def poiseuille(z: ArrayLike, t: float, *, height: float, acceleration: float, viscosity: float) -> np.ndarray:
+    """u [m/s] at z between plates `height` H [m] apart, at rest until t = 0; `t` may be infinite.
+
+    u = G / (2 nu) z (H - z) - sum_n 4 G H^2 / (nu pi^3 m^3) sin(m pi z / H) exp(-m^2 pi^2 nu t / H^2), m = 2 n + 1:
+    Morris, Fox & Zhu (1997); Vasco (2014) eq 102, whose sine lost its pi.
+    """
+    z = np.asarray(z, float)
+    steady = 0.5 * acceleration / viscosity * z * (height - z)
+    m = np.arange(1, 2 * _terms(viscosity * t / height**2), 2)
+    shape = np.sin(np.multiply.outer(z, m) * math.pi / height)
+    weight = 4.0 * acceleration * height**2 / (viscosity * math.pi**3 * m**3)
+    return steady - shape @ (weight * _decay(m, viscosity * t / height**2))
+
+
+def couette(z: ArrayLike, t: float, *, height: float, speed: float, viscosity: float) -> np.ndarray:
+    """u [m/s] at z below a plate at `height` H [m] that moves with `speed` V from t = 0; `t` may be infinite.
+
+    u = V z / H + sum_n 2 V / (n pi) (-1)^n sin(n pi z / H) exp(-n^2 pi^2 nu t / H^2), n >= 1: Morris, Fox & Zhu (1997),
+    Vasco (2014) eq 103.
+    """
+    z = np.asarray(z, float)
+    if t <= 0.0:
+        return np.where(z < height, 0.0, speed)
+    n = np.arange(1, _terms(viscosity * t / height**2))
+    shape = np.sin(np.multiply.outer(z, n) * math.pi / height)
+    weight = 2.0 * speed / (n * math.pi) * (-1.0) ** n
+    return speed * z / height + shape @ (weight * _decay(n, viscosity * t / height**2))
+
+
+def _terms(diffusion_time: float) -> int:
+    """Terms of a series in exp(-n^2 pi^2 nu t / H^2), `diffusion_time` being nu t / H^2."""
+    if diffusion_time * _MOST_TERMS**2 <= _DECADES:
+        return _MOST_TERMS
+    return 2 + math.ceil(math.sqrt(_DECADES / diffusion_time) / math.pi)
+
+
+def _decay(n: np.ndarray, diffusion_time: float) -> np.ndarray:
+    return np.exp(-((math.pi * n) ** 2) * diffusion_time)
+
+
+# ----------------------------------------------------------------------------------------------- viscoplastic, steady
+
+
+def herschel_bulkley_free_surface(
+    z: ArrayLike,
+    *,
+    depth: float,
+    acceleration: float,
+    density: float,
+    consistency: float,
+    exponent: float,
+    yield_stress: float,
+) -> np.ndarray:
+    """u [m/s] at z of a steady layer of `depth` d [m] on a slope; tau = tau_y + K (du/dz)^N, tau = rho G (d - z).
+
+    u = (rho G / K)^(1/N) N / (N + 1) (z_p^((N+1)/N) - (z_p - z)^((N+1)/N)) below z_p = d - tau_y / (rho G), and a plug
+    above: Coussot (1994), Huang & Garcia (1998). N = 1 is Bingham's fluid, tau_y = 0 a power law. At rest if
+    tau_y >= rho G d.
+    """
+    weight = density * acceleration
+    flowing = depth - plug_thickness(depth=depth, acceleration=acceleration, density=density, yield_stress=yield_stress)
+    power = 1.0 + 1.0 / exponent
+    below = np.clip(flowing - np.asarray(z, float), 0.0, None)
+    return (weight / consistency) ** (1.0 / exponent) / power * (flowing**power - below**power)
+
+
+def plug_thickness(*, depth: float, acceleration: float, density: float, yield_stress: float) -> float:
+    """Thickness [m] of what does not shear below the surface of a layer: tau_y / (rho G), at most all of it."""
+    return min(yield_stress / (density * acceleration), depth)
+
+
+def bingham_poiseuille(
+    z: ArrayLike, *, height: float, acceleration: float, density: float, viscosity: float, yield_stress: float
+) -> np.ndarray:
+    """u [m/s] at z of a Bingham fluid, steady between plates `height` H [m] apart; `viscosity` is its mu [Pa s].
+
+    Two layers of H / 2 face to face, a plug of 2 tau_y / (rho G) between them: Bird, Dai & Yarusso (1983).
+    """
+    from_wall = 0.5 * height - np.abs(np.asarray(z, float) - 0.5 * height)
+    return herschel_bulkley_free_surface(
+        from_wall,
+        depth=0.5 * height,
+        acceleration=acceleration,
+        density=density,
+        consistency=viscosity,
+        exponent=1.0,
+        yield_stress=yield_stress,
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- dam breaks
+
+
+def ritter(x: ArrayLike, t: float, *, height: float, gravity: float = 9.81) -> tuple[np.ndarray, np.ndarray]:
+    """Depth [m] and velocity [m/s] at x from the gate, t [s] > 0 after it opened on a dry bed: Ritter (1892).
+
+    h = (2 - s)^2 H / 9, u = 2/3 (1 + s) sqrt(g H), s = x / (t sqrt(g H)), -1 <= s <= 2. For a reservoir without end:
+    until t = L / sqrt(g H) for one of length L. Beyond the tip there is no fluid: h = 0, u = 0.
+    """
+    c = math.sqrt(gravity * height)
+    s = np.asarray(x, float) / (t * c)
+    wave = np.clip(s, -1.0, 2.0)
+    return height * (2.0 - wave) ** 2 / 9.0, np.where(s > 2.0, 0.0, 2.0 / 3.0 * (1.0 + wave) * c)
+
+
+def ritter_front(t: ArrayLike, *, height: float, length: float, gravity: float = 9.81) -> np.ndarray:
+    """Front [m] from the back wall of a reservoir of `length`: L + 2 t sqrt(g H), which no real front passes."""
+    return length + 2.0 * math.sqrt(gravity * height) * np.asarray(t, float)
+
+
+# eta_N = (1/5 (3/10)^(1/3) sqrt(pi) Gamma(1/3) / Gamma(5/6))^(-3/5) = 1.411
+HUPPERT_FRONT = (0.2 * 0.3 ** (1 / 3) * math.sqrt(math.pi) * math.gamma(1 / 3) / math.gamma(5 / 6)) ** -0.6
+
+
+def huppert_front(t: ArrayLike, *, area: float, viscosity: float, gravity: float = 9.81) -> np.ndarray:
+    """Front [m] of a viscous slump late after its release at the back wall: Huppert (1982).
+
+    x_N = 1.411 (g A^3 t / (3 nu))^(1/5) for an `area` A [m2] and nu [m2/s]. Thin, slow, and well beyond its reservoir.
+    """
+    return HUPPERT_FRONT * (gravity * area**3 * np.asarray(t, float) / (3.0 * viscosity)) ** 0.2
+
+
+def huppert_depth(x: ArrayLike, t: float, *, area: float, viscosity: float, gravity: float = 9.81) -> np.ndarray:
+    """Depth [m] of the same slump: eta_N^(2/3) (3/10)^(1/3) (3 nu A^2 / (g t))^(1/5) (1 - (x / x_N)^2)^(1/3)."""
+    front = float(huppert_front(t, area=area, viscosity=viscosity, gravity=gravity))
+    scale = HUPPERT_FRONT ** (2 / 3) * 0.3 ** (1 / 3) * (3.0 * viscosity * area**2 / (gravity * t)) ** 0.2
+    return scale * np.cbrt(np.clip(1.0 - (np.asarray(x, float) / front) ** 2, 0.0, None))
+
+
+def arrested_toe(*, height: float, length: float, density: float, yield_stress: float, gravity: float = 9.81) -> float:
+    """Toe [m] from the back wall of a viscoplastic dam break that has come to rest; see `arrested_depth`."""
+    reach = 0.5 * density * gravity * height**2 / yield_stress
+    if 2.0 * reach < 3.0 * length:
+        return length + reach / 3.0
+    scale = math.sqrt(2.0 * yield_stress / (density * gravity))
+    return (1.5 * height * length / scale) ** (2 / 3)
+
+
+def arrested_depth(
+    x: ArrayLike, *, height: float, length: float, density: float, yield_stress: float, gravity: float = 9.81
+) -> np.ndarray:
+    """Depth [m] at x of a viscoplastic column `height` H by `length` L that has slumped on a level bed and stopped.
+
+    Thin-layer theory, the yield stress at the bed carrying the slope of the surface, rho g h dh/dx = -tau_y:
+    Nye (1952), Liu & Mei (1989), so that
+
+        h^2 = 2 tau_y / (rho g) (x_f - x),    H L = 2/3 sqrt(2 tau_y / (rho g)) x_f^(3/2)
+
+    If tau_y L / (rho g H^2) > 1/3 the back of the column stays as it was, h <= H, and x_f = L + rho g H^2 / (6 tau_y):
+    Matson & Hogg (2007). Inertia makes a real slump run farther, and near its toe no layer is thin.
+    """
+    toe = arrested_toe(height=height, length=length, density=density, yield_stress=yield_stress, gravity=gravity)
+    below = np.clip(toe - np.asarray(x, float), 0.0, None)
+    return np.minimum(np.sqrt(2.0 * yield_stress / (density * gravity) * below), height)
+
+
+# ------------------------------------------------------------------------------------------------------ solitary wave
+
+
+def solitary_celerity(*, depth: float, amplitude: float, gravity: float = 9.81) -> float:
+    """c = sqrt(g (d + a)) [m/s]: Boussinesq (1872), as Russell (1844) had measured."""
+    return math.sqrt(gravity * (depth + amplitude))
+
+
+def solitary_wave(s: ArrayLike, *, depth: float, amplitude: float) -> np.ndarray:
+    """Elevation [m] at s = x - c t from the crest: a sech^2(s sqrt(3 a / (4 d^3))), Boussinesq (1872)."""
+    return amplitude / np.cosh(math.sqrt(0.75 * amplitude / depth**3) * np.asarray(s, float)) ** 2
+
+
+@dataclass(frozen=True)
+class SolitaryFit:
+    """The solitary wave nearest to a record.
+
+    Attributes:
+        amplitude: a [m].
+        crest: Where the crest is [m], or when it passes [s].
+        r2: Coefficient of determination: 1 for a perfect likeness.
+    """
+
+    amplitude: float
+    crest: float
+    r2: float
+
+
+def fit_solitary_wave(
+    at: ArrayLike, elevation: ArrayLike, *, depth: float, gravity: float | None = None
+) -> SolitaryFit:
+    """Fit `solitary_wave` to a record by least squares in amplitude and crest.
+
+    `elevation` [m] above still water is along x [m], or, with `gravity`, at the times t [s] of a gauge that the wave
+    passes with its own celerity. Amplitude and width are bound to each other: a wave of another width has a low r2.
+    Gauss-Newton, steps halved until they help.
+
+    Raises:
+        ValueError: no point is above still water.
+    """
+    at, elevation = np.asarray(at, float), np.asarray(elevation, float)
+    if not np.any(elevation > 0.0):
+        raise ValueError("there is no wave above still water to fit")
+
+    def wave(unknown: np.ndarray) -> np.ndarray:
+        amplitude, crest = unknown
+        speed = 1.0 if gravity is None else solitary_celerity(depth=depth, amplitude=amplitude, gravity=gravity)
+        return solitary_wave(speed * (at - crest), depth=depth, amplitude=amplitude)
+
+    unknown = np.array([elevation.max(), at[elevation.argmax()]])
+    rest = np.sum((elevation - wave(unknown)) ** 2)
+    for _ in range(100):
+        step = 1e-6 * np.array([unknown[0], np.ptp(at)])
+        slope = [(wave(unknown + d) - wave(unknown - d)) / (2.0 * d.sum()) for d in np.diag(step)]
+        change = np.linalg.lstsq(np.stack(slope, axis=1), elevation - wave(unknown), rcond=None)[0]
+        for share in 0.5 ** np.arange(20):
+            tried = unknown + share * change
+            better = np.sum((elevation - wave(tried)) ** 2) if tried[0] > 0.0 else math.inf
+            if better < rest:
+                break
+        else:
+            break
+        unknown, rest = tried, better
+    spread = np.sum((elevation - elevation.mean()) ** 2)
+    return SolitaryFit(float(unknown[0]), float(unknown[1]), float(1.0 - rest / spread))
+
+
+# ------------------------------------------------------------------------------------------------------------- bodies
+
+
+def wagner_half_width(t: ArrayLike, *, speed: float, deadrise: float) -> np.ndarray:
+    """Half of the wetted width [m] of a wedge that enters still water: pi / 2 V t / tan(deadrise), Wagner (1932)."""
+    return 0.5 * math.pi * speed / math.tan(deadrise) * np.asarray(t, float)
+
+
+def wagner_force(t: ArrayLike, *, speed: float, deadrise: float, density: float) -> np.ndarray:
+    """Force [N/m] on a wedge of `deadrise` [rad] that enters still water at a constant `speed` V [m/s]: Wagner (1932).
+
+    F = d/dt (pi / 2 rho c^2 V) = pi^3 / 4 rho V^3 t / tan^2(deadrise), c being `wagner_half_width`. Early: while c is
+    less than the half-width of the wedge and gravity is nothing, V >> g t. For small angles: too high by a factor that
+    grows with the angle.
+    """
+    half_width = wagner_half_width(t, speed=speed, deadrise=deadrise)
+    return math.pi * density * speed * half_width * (0.5 * math.pi * speed / math.tan(deadrise))
+
+
+def heave_added_mass(*, beam: float, draft: float, density: float) -> float:
+    """Added mass [kg/m] of a floating box that heaves fast in deep water.
+
+    Half of that of the rectangle `beam` by 2 `draft` in fluid without end, as a surface with phi = 0 mirrors it: the
+    limit of high frequency, Lewis (1929). The rectangle is exact, Riabouchinsky (1920): it is the image of the circle
+    under dz/ds = R sqrt(1 - 2 cos(2 q) / s^2 + 1 / s^4), with q such that the sides are right, and
+
+        m = 2 pi rho R^2 (1 + cos 2 q) - rho beam 2 draft
+    """
+    low, high = 0.0, 0.5 * math.pi
+    for _ in range(60):
+        q = 0.5 * (low + high)
+        if _side(q) * beam < _side(0.5 * math.pi - q) * 2.0 * draft:
+            low = q
+        else:
+            high = q
+    radius = beam / _side(0.5 * math.pi - q)
+    rectangle = 2.0 * math.pi * density * radius**2 * (1.0 + math.cos(2.0 * q)) - density * beam * 2.0 * draft
+    return 0.5 * rectangle
+
+
+def _side(q: float) -> float:
+    """Length of the side over the arc -q..q of the unit circle: integral of sqrt(2 cos 2 f - 2 cos 2 q) df."""
+    node, weight = np.polynomial.legendre.leggauss(64)
+    # f = q sin(s) takes the root at both ends away.
+    s = 0.5 * math.pi * node
+    f = q * np.sin(s)
+    root = 2.0 * np.sqrt(np.clip(np.sin(q + f) * np.sin(q - f), 0.0, None))
+    return float(np.sum(0.5 * math.pi * weight * root * q * np.cos(s)))
+
+
+def floating_draft(*, mass: float, waterplane: float, density: float) -> float:
+    """Draft [m] at which a body with upright sides floats: Archimedes, m = rho A d.
+
+    `mass` [kg] over a `waterplane` [m2], or [kg/m] over a beam [m].
+    """
+    return mass / (density * waterplane)
