@@ -31,10 +31,10 @@ def volume_at(parameters: Parameters, x: wp.vec3d, rho: wp.float64, f: int) -> w
 
 
 @wp.func
-def pressure_at(parameters: Parameters, u: wp.vec3, rho: wp.float64, f: int) -> wp.vec4:
-    """(u, v, w, p) as the pair loop reads it."""
+def pressure_at(parameters: Parameters, x: wp.vec3d, u: wp.vec3, rho: wp.float64, f: int) -> wp.vec4:
+    """(u, v, w, p) as the pair loop reads it: in a plane (u, x, w, p), so that it needs a load less."""
     p = pressure(rho, parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f])
-    return wp.vec4(u[0], u[1], u[2], p)
+    return wp.vec4(u[0], wp.where(parameters.dimensions == 2, float(x[0]), u[1]), u[2], p)
 
 
 @wp.kernel(enable_backward=False)
@@ -63,7 +63,7 @@ def drift_half(
     position_inout[i] = x
     density_inout[i] = rho
     position_volume_out[i] = volume_at(parameters, x, rho, f)
-    velocity_pressure_out[i] = pressure_at(parameters, u, rho, f)
+    velocity_pressure_out[i] = pressure_at(parameters, x, u, rho, f)
 
 
 @wp.func
@@ -87,20 +87,24 @@ def longest_step(parameters: Parameters, c: float, alpha: float, u: wp.vec3, a: 
 def find_fault(parameters: Parameters, x: wp.vec3d, u: wp.vec3, rho: wp.float64, rest_density: float, c: float) -> int:
     """What is absurd about a particle, relative to its own material."""
     compression = float(rho) / rest_density
-    speed = wp.length(u)
+    square_speed = wp.dot(u, u)
     p = wp.vec3(x)
-    if not (wp.isfinite(compression) and wp.isfinite(speed) and wp.isfinite(wp.length(p))):
+    lower, upper = parameters.lower, parameters.upper
+    is_inside = p[0] >= lower[0] and p[1] >= lower[1] and p[2] >= lower[2]
+    is_inside = is_inside and p[0] <= upper[0] and p[1] <= upper[1] and p[2] <= upper[2]
+    # Asked so that NaN is absurd too.
+    is_liquid = compression >= parameters.least_compression and compression <= parameters.most_compression
+    if is_inside and is_liquid and square_speed <= c * c:
+        return SOUND
+    if not (wp.isfinite(compression) and wp.isfinite(square_speed) and wp.isfinite(wp.dot(p, p))):
         return NOT_FINITE
     if compression < parameters.least_compression:
         return TOO_LIGHT
     if compression > parameters.most_compression:
         return TOO_DENSE
-    if speed > c:
+    if square_speed > c * c:
         return TOO_FAST
-    lower, upper = parameters.lower, parameters.upper
-    if p[0] < lower[0] or p[1] < lower[1] or p[2] < lower[2] or p[0] > upper[0] or p[1] > upper[1] or p[2] > upper[2]:
-        return OUTSIDE
-    return SOUND
+    return OUTSIDE
 
 
 @wp.kernel(enable_backward=False)
@@ -141,7 +145,9 @@ def kick_and_drift(
     a = free * (parameters.gravity + pressure_acceleration[i] + dissipative_acceleration[i] + wall_acceleration[i])
     u_old = velocity_inout[i]
     u_kicked = u_old + step * a
-    u = u_kicked * wp.exp(-damping[0] * step)
+    u = u_kicked
+    if damping[0] > 0.0:
+        u *= wp.exp(-damping[0] * step)
     x = position_inout[i] + wp.vec3d(0.5 * step * (u + xsph_velocity[i]))
 
     path = free * step * m * 0.5 * (u_old + u_kicked)
@@ -160,7 +166,7 @@ def kick_and_drift(
     # Continuity at second order needs volumes of its own instant: density at n+1 is predicted with the last rate.
     rho_end = rho + wp.float64(0.5 * step * density_rate[i])
     position_volume_inout[i] = volume_at(parameters, x, rho_end, f)
-    velocity_pressure_inout[i] = pressure_at(parameters, u, rho_end, f)
+    velocity_pressure_inout[i] = pressure_at(parameters, x, u, rho_end, f)
     acceleration_out[i] = a
 
     c = parameters.sound_speed[f]

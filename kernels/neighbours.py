@@ -198,7 +198,7 @@ def bound_motion(
     start: wp.array[int],
     dt: wp.array[float],
     position_volume: wp.array[wp.vec4],
-    velocity_pressure: wp.array[wp.vec4],
+    velocity: wp.array[wp.vec3],
     acceleration: wp.array[wp.vec3],
     listed_position: wp.array[wp.vec3],
     lower_out: wp.array[wp.vec3],
@@ -221,9 +221,9 @@ def bound_motion(
             begin = start[cells + bx * BLOCK_EDGE]
             end = start[cells + wp.min((bx + 1) * BLOCK_EDGE, grid.count[0])]
             for i in range(begin, end):
-                xV, up = position_volume[i], velocity_pressure[i]
+                xV = position_volume[i]
                 now = wp.vec3(xV[0], xV[1], xV[2]) - listed_position[i]
-                soon = now + step * (wp.vec3(up[0], up[1], up[2]) + step * acceleration[i])
+                soon = now + step * (velocity[i] + step * acceleration[i])
                 lower = wp.min(lower, soon)
                 upper = wp.max(upper, soon)
     lower_out[block] = lower

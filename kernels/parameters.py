@@ -7,6 +7,7 @@ import warp as wp
 class Parameters:
     """Constants of one model. Arrays have one entry for each fluid of the scene."""
 
+    dimensions: int  # of space
     # smoothing
     smoothing_length: float  # h [m]
     inverse_h: float  # 1 / h [1/m]

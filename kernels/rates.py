@@ -14,9 +14,9 @@ from .smoothing import SMOOTHING
 from .viscosity import VISCOSITY
 
 # Leave to add the terms of a sum in any order: without it no compiler runs several pairs at once. NaN and infinity keep
-# their meaning. Two vectors of pairs in flight hide each other's gathers. (Options of LLVM, for the CPU; CUDA does not
+# their meaning. Four vectors of pairs in flight hide each other's gathers. (Options of LLVM, for the CPU; CUDA does not
 # read them.)
-REORDER_SUMS = " -mreassociate -fno-signed-zeros -mllvm=-force-vector-interleave=2"
+REORDER_SUMS = " -mreassociate -fno-signed-zeros -mllvm=-force-vector-interleave=4"
 
 
 @dataclass(frozen=True)
@@ -40,29 +40,45 @@ class Formulas:
 
 
 @wp.func
-def load_floats(packed: wp.array[float], i: int):
-    """Entry i of quadruples that lie end to end."""
-    return packed[4 * i], packed[4 * i + 1], packed[4 * i + 2], packed[4 * i + 3]
+def low(pair: wp.uint64) -> float:
+    """The first of two floats that were loaded at once."""
+    return wp.cast(wp.uint32(pair), wp.float32)
 
 
 @wp.func
-def load_floats_in_plane(packed: wp.array[float], i: int):
-    """The same where the second of each four is known to be 0: every term of it vanishes from the loop."""
-    return packed[4 * i], 0.0, packed[4 * i + 2], packed[4 * i + 3]
+def high(pair: wp.uint64) -> float:
+    """The second of two floats that were loaded at once."""
+    return wp.cast(wp.uint32(pair >> wp.uint64(32)), wp.float32)
 
 
 @wp.func
-def load_vector(packed: wp.array[wp.vec4], i: int):
-    """Entry i of an array of vectors, in one load."""
-    four = packed[i]
-    return four[0], four[1], four[2], four[3]
+def load_pairs(position_volume: wp.array[wp.uint64], velocity_pressure: wp.array[wp.uint64], i: int):
+    """x, y, z, V, u, v, w, p of particle i, in four loads of two floats."""
+    x_y, z_V = position_volume[2 * i], position_volume[2 * i + 1]
+    u_v, w_p = velocity_pressure[2 * i], velocity_pressure[2 * i + 1]
+    return low(x_y), high(x_y), low(z_V), high(z_V), low(u_v), high(u_v), low(w_p), high(w_p)
 
 
 @wp.func
-def load_vector_in_plane(packed: wp.array[wp.vec4], i: int):
-    """The same where the second of each four is known to be 0."""
-    four = packed[i]
-    return four[0], 0.0, four[2], four[3]
+def load_pairs_in_plane(position_volume: wp.array[wp.uint64], velocity_pressure: wp.array[wp.uint64], i: int):
+    """The same in a plane, in three loads: x lies beside u, in the place of v, and every term of y and v vanishes."""
+    z_V = position_volume[2 * i + 1]
+    u_x, w_p = velocity_pressure[2 * i], velocity_pressure[2 * i + 1]
+    return high(u_x), 0.0, low(z_V), high(z_V), low(u_x), 0.0, low(w_p), high(w_p)
+
+
+@wp.func
+def load_vectors(position_volume: wp.array[wp.vec4], velocity_pressure: wp.array[wp.vec4], i: int):
+    """x, y, z, V, u, v, w, p of particle i, in two loads of four floats."""
+    xV, up = position_volume[i], velocity_pressure[i]
+    return xV[0], xV[1], xV[2], xV[3], up[0], up[1], up[2], up[3]
+
+
+@wp.func
+def load_vectors_in_plane(position_volume: wp.array[wp.vec4], velocity_pressure: wp.array[wp.vec4], i: int):
+    """The same in a plane: every term of y and v vanishes."""
+    xV, up = position_volume[i], velocity_pressure[i]
+    return xV[0], 0.0, xV[2], xV[3], up[0], 0.0, up[2], up[3]
 
 
 @dataclass(frozen=True)
@@ -71,7 +87,7 @@ class Layout:
 
     Attributes:
         packed: Type under which (x, y, z, V) and (u, v, w, p) are handed over: the same memory, seen in two ways.
-        load: wp.func that loads one quadruple, by dimension of space.
+        load: wp.func that loads what a particle has, by dimension of space.
         by_column: Whether the lists lie column by column, so that a warp reads side by side, or row by row.
     """
 
@@ -83,10 +99,10 @@ class Layout:
         return hash(self.by_column)
 
 
-# A GPU loads four floats at once. On a CPU such a load ties the four together and the loop stays scalar; floats by
-# themselves are gathered for 8 or 16 neighbours at a time.
-CPU_LAYOUT = Layout(float, {2: load_floats_in_plane, 3: load_floats}, False)
-CUDA_LAYOUT = Layout(wp.vec4, {2: load_vector_in_plane, 3: load_vector}, True)
+# A GPU loads four floats at once. On a CPU such a load ties the four together and the loop stays scalar; floats in
+# pairs are gathered for 8 neighbours at a time.
+CPU_LAYOUT = Layout(wp.uint64, {2: load_pairs_in_plane, 3: load_pairs}, False)
+CUDA_LAYOUT = Layout(wp.vec4, {2: load_vectors_in_plane, 3: load_vectors}, True)
 
 
 @wp.func
@@ -158,8 +174,7 @@ def rates_kernel(
         """a_i by pressure and by dissipation [m/s2], d rho_i/dt, that by diffusion [kg/m3/s], XSPH velocity [m/s]."""
         i = first + wp.tid()
         fluid_i = fluid[i]
-        x_i, y_i, z_i, V_i = load(position_volume, i)
-        u_i, v_i, w_i, p_i = load(velocity_pressure, i)
+        x_i, y_i, z_i, V_i, u_i, v_i, w_i, p_i = load(position_volume, velocity_pressure, i)
         c_i, alpha_i = parameters.sound_speed[fluid_i], parameters.alpha[fluid_i]
         rho_i, rho0_i = parameters.mass[fluid_i] / V_i, parameters.rest_density[fluid_i]
         g_x, g_y, g_z = parameters.gravity[0], parameters.gravity[1], parameters.gravity[2]
@@ -174,8 +189,7 @@ def rates_kernel(
         while k < end:
             j = neighbour_list[k]
             fluid_j = its_fluid(fluid, j, fluid_i)
-            x_j, y_j, z_j, V_j = load(position_volume, j)
-            u_j, v_j, w_j, p_j = load(velocity_pressure, j)
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, p_j = load(position_volume, velocity_pressure, j)
             m_j = parameters.mass[fluid_j]
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j

@@ -170,9 +170,9 @@ def test_absurd_particle_is_named(make_collapse, device, name, value, words):
     values = array.numpy()
     values[slot] = value
     array.assign(values)
+    particle = int(simulation.state.id.numpy()[slot])
     with pytest.raises(BlowUpError) as caught:
         simulation.advance(0.1)
-    particle = int(simulation.state.id.numpy()[slot])
     fluid = ("water", "brine")[simulation.placement.fluid[particle]]
     message = str(caught.value)
     assert message.startswith(f"particle {particle} of '{fluid}' at t = {simulation.time:.5f} s (step ")

@@ -40,8 +40,8 @@ def recorded_launches() -> Iterator[Recorded]:
     recorded: Recorded = []
     record, chain = Launcher.record, Launcher.chain
 
-    def note(launcher: Launcher, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> Launch:
-        launch = record(launcher, kernel, count, arguments)
+    def note(launcher: Launcher, kernel: wp.Kernel, count: int, arguments: Sequence[Any], **options: int) -> Launch:
+        launch = record(launcher, kernel, count, arguments, **options)
         parameters = kernel.adj.args[1:]  # the first is `first`
         arrays = [
             (value, 2 if parameter.label.endswith("_inout") else 1)

@@ -65,8 +65,8 @@ def neighbours_in_support(scene: Scene, position: np.ndarray) -> float:
 
 
 def bytes_per_particle(simulation: Simulation) -> float:
-    """Memory of all arrays over the particle count, the scratch of the sorting left out [bytes]."""
-    sizes: dict[int, int] = {}  # by address: an array may be known under several types
+    """Memory of all arrays over the particle count, walls and cells too [bytes]."""
+    sizes: dict[int, int] = {}  # by address; an array that looks at another's memory has no deleter
     seen: set[int] = set()
     owners: list[Any] = [simulation]
     while owners:
@@ -76,8 +76,8 @@ def bytes_per_particle(simulation: Simulation) -> float:
             parts = list(vars(owner).values())
             owners += parts
             for array in parts:
-                if isinstance(array, wp.array):
-                    sizes[array.ptr] = max(sizes.get(array.ptr, 0), array.capacity)
+                if isinstance(array, wp.array) and array.deleter:
+                    sizes[array.ptr] = array.capacity
     return sum(sizes.values()) / simulation.model.particle_count
 
 

@@ -68,7 +68,7 @@ def check_thread_index(function: "DeviceFunction") -> Iterator["Fault"]:
 
 
 def check_decorator(function: "DeviceFunction") -> Iterator["Fault"]:
-    """No kernel is differentiated; one that is closed over formulas has a module for itself, with options if need be."""
+    """No kernel is differentiated; one closed over formulas has a module for itself, with options if need be."""
     options = 'module="unique", enable_backward=False' if function.factory else "enable_backward=False"
     wanted = f"wp.kernel({options})"
     found = re.sub(r", module_options=\w+\(\)(?=\)$)", "", ast.unparse(function.decorator))

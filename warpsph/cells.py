@@ -1,12 +1,13 @@
 """Cells on the host's side: the box that they fill, and points sorted by them."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
 
 from warpsph.kernels import neighbours as kernels
-from warpsph.launch import Launcher
+from warpsph.launch import Launcher, alias
 
 # Cells to the list radius: half as wide as the radius, cells enclose it so closely that half of the candidates are
 # neighbours; narrower still, there are more rows to walk.
@@ -44,12 +45,21 @@ class Cells:
         start: start[c] = first slot of cell c, shape [cell_count + 1].
     """
 
-    def __init__(self, grid: kernels.CellGrid, position: wp.array, launcher: Launcher) -> None:
-        """`position` [m], shape [point_count], is where the points are whenever they are sorted."""
+    def __init__(
+        self, grid: kernels.CellGrid, position: wp.array, launcher: Launcher, lent: Sequence[wp.array] = ()
+    ) -> None:
+        """`position` [m], shape [point_count], is where the points are whenever they are sorted.
+
+        `lent` may be two arrays of as many entries, of 8 bytes or more, for `cell` and `order` to live in.
+        """
         self._count, cells = len(position), math.prod(grid.count)
         self._bits = cells.bit_length()
-        self.cell = wp.zeros(2 * self._count, dtype=int, device=launcher.device)
-        self.order = wp.zeros(2 * self._count, dtype=int, device=launcher.device)
+        room = 2 * self._count
+        self.cell, self.order = (
+            [alias(array, int, room) for array in lent]
+            if lent
+            else [wp.zeros(room, dtype=int, device=launcher.device) for _ in range(2)]
+        )
         self.start = wp.zeros(cells + 1, dtype=int, device=launcher.device)
         self._launches = (
             [

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import warp as wp
@@ -39,6 +39,13 @@ def _native_messages_silenced() -> Iterator[None]:
         os.close(nowhere)
 
 
+def alias(array: wp.array, dtype: Any, length: int) -> wp.array:
+    """The memory of `array` as `length` entries of another type."""
+    seen = wp.array(ptr=array.ptr, dtype=dtype, shape=length, device=array.device)
+    seen._keep = array  # Warp does not keep the memory that it looks at
+    return seen
+
+
 class Launch:
     """A launch that can be repeated by calling it.
 
@@ -55,6 +62,10 @@ class Launch:
         self.parts[0]()
         for part in pending:
             part.result()
+
+
+def _nothing() -> None:
+    """The part of a thread that has none."""
 
 
 def _run_all(commands: Sequence[Callable[[], None]]) -> None:
@@ -88,12 +99,13 @@ class Launcher:
         # The calling thread takes a part too.
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
 
-    def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> "Launch":
+    def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any], grain: int = 64) -> "Launch":
         """A callable that launches `kernel` over 0..count-1 each time that it is called.
 
-        `arguments` are those after `first`. Arrays are bound now: write into them in place.
+        `arguments` are those after `first`. Arrays are bound now: write into them in place. `grain` is the least number
+        of entries worth waking a thread for.
         """
-        parts = self.threads if count >= 64 * self.threads else 1
+        parts = self.threads if count >= grain * self.threads else 1
         edges = [count * part // parts for part in range(parts + 1)]
         commands = [
             wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments], device=self.device, record_cmd=True).launch
@@ -102,20 +114,18 @@ class Launcher:
         return Launch(commands, self._pool)
 
     def chain(self, *launches: "Launch") -> "Launch":
-        """Launches over the same particles in one go: each thread runs all of them on its part before threads meet.
+        """Launches in one go: each thread runs its parts of all of them before threads meet.
 
         None of them may read what another writes of other particles.
         """
-        parts = zip(*(launch.parts for launch in launches), strict=True)
+        parts = zip_longest(*(launch.parts for launch in launches), fillvalue=_nothing)
         return Launch([partial(_run_all, commands) for commands in parts], self._pool)
 
     def packed(self, array: wp.array) -> wp.array:
-        """Quadruples as the pair loops of this device read them: vectors on a GPU, floats end to end on a CPU."""
+        """Quadruples as the pair loops of this device read them: vectors on a GPU, pairs of floats on a CPU."""
         if self.device.is_cuda:
             return array
-        flat = wp.array(ptr=array.ptr, dtype=float, shape=4 * len(array), device=self.device)
-        flat._keep = array  # an alias does not keep the memory that it looks at
-        return flat
+        return alias(array, wp.uint64, 2 * len(array))
 
     def run(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> None:
         """Launch once."""

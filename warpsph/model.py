@@ -18,7 +18,7 @@ from warpsph.scene import Material, Scene
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
 SKIN = 0.1
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
-ROOM = 1.3
+ROOM = 1.2
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
 LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
 
@@ -84,6 +84,7 @@ class Model:
         lattice = math.pi * (self.list_radius / dx) ** 2 if dimensions == 2 else 4.19 * (self.list_radius / dx) ** 3
 
         p = Parameters()
+        p.dimensions = dimensions
         p.smoothing_length, p.inverse_h = h, 1.0 / h
         p.kernel_norm, p.gradient_norm = norm, norm / h**2
         p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
@@ -141,7 +142,7 @@ def extent(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
     room = 0.5 * (upper - lower)
     if not len(placement.wall_position):
         return lower - room, upper + room
-    upper[2] += room[2]
+    upper[2] += 0.5 * room[2]
     return lower, upper
 
 

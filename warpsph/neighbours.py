@@ -7,14 +7,14 @@ import warp as wp
 
 from warpsph.cells import Cells
 from warpsph.kernels import neighbours as kernels
-from warpsph.launch import Launch
+from warpsph.launch import Launch, alias
 from warpsph.model import Model
 from warpsph.state import State
 
 
 def list_bytes(model: Model) -> int:
-    """Memory of the lists, the cells of particles and walls, and the scratch for sorting [bytes]."""
-    row = 4 * (1 + model.parameters.list_capacity) + 2 * 4  # counts and entries; wall points
+    """Memory of the lists, and of the cells of particles and walls [bytes]."""
+    row = 4 * (1 + model.parameters.list_capacity) + 4  # counts and entries; wall points
     return (
         model.particle_count * (row + 4 * 4 + 24) + 2 * 4 * math.prod(model.grid.count) + model.wall_position.capacity
     )
@@ -33,10 +33,11 @@ class Neighbours:
     def __init__(self, model: Model, state: State) -> None:
         self.model, self.state = model, state
         device, count = model.launcher.device, model.particle_count
-        self.cells = Cells(model.grid, state.listed_position, model.launcher)
+        # The accelerations are of the last step, and lists are made before the next.
+        lent = (state.pressure_acceleration, state.dissipative_acceleration)
+        self.cells = Cells(model.grid, state.listed_position, model.launcher, lent)
         self.count = wp.zeros(count, dtype=int, device=device)
         self.list = wp.zeros(count * model.parameters.list_capacity, dtype=int, device=device)
-        self.wall_count = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_first = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
@@ -54,18 +55,16 @@ class Neighbours:
             [grid, parameters, self.cells.start, cell, listed, self.count, self.list],
         )
         walls = [grid, parameters, model.wall_start, cell, listed, model.wall_position]
-        self._count_walls = record(kernels.count_wall_points, count, [*walls, self.wall_count])
+        self._count_walls = record(kernels.count_wall_points, count, [*walls, self.wall_first])
         self._list_walls = record(kernels.list_wall_points, count, [*walls, self.wall_first, self.wall_list])
 
     def _record_permutation(self) -> list[Launch | Callable[[], None]]:
-        """Launches that bring every particle array into the order of the cells, through one scratch memory."""
+        """Launches that bring every particle array into the order of the cells, through what the step packs anew."""
         launcher, count = self.model.launcher, self.model.particle_count
-        scratch = wp.zeros(count, dtype=wp.vec3d, device=launcher.device)
         launches: list[Launch | Callable[[], None]] = []
         for name in State.PARTICLE:
             values = getattr(self.state, name)
-            permuted = wp.array(ptr=scratch.ptr, dtype=values.dtype, shape=count, device=launcher.device)
-            permuted._keep = scratch  # an alias does not keep the memory that it looks at
+            permuted = alias(self.state.packed, values.dtype, count)
             gather = kernels.gather_kernel(values.dtype)
             launches.append(launcher.record(gather, count, [self.cells.order, values, permuted]))
             launches.append(lambda values=values, permuted=permuted: wp.copy(values, permuted))
@@ -91,7 +90,7 @@ class Neighbours:
     def _fill_lists(self) -> bool:
         self._list()
         self._count_walls()
-        wp.utils.array_scan(self.wall_count, self.wall_first, inclusive=False)
+        wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
         grown = self._grow()
         self._list_walls()
         self.state.stale.zero_()

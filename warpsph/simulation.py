@@ -120,7 +120,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     placement = place(scene)
     model = Model(scene, placement, launcher)
     state = State(model)
-    arrays = [array for array in vars(state).values() if isinstance(array, wp.array)]
+    arrays = [array for array in vars(state).values() if isinstance(array, wp.array) and array.deleter]
     speed = float(np.linalg.norm(placement.velocity, axis=1).max())
     first_dt = scene.run.courant * scene.smoothing_length / (float(model.parameters.sound_speed.numpy().max()) + speed)
     return Forecast(

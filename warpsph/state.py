@@ -41,7 +41,7 @@ class State:
     """Particle arrays in slot order (sorted by cell whenever neighbours are listed), and the clock.
 
     Position and density are integrated in double precision; the pair loops read them rounded, packed as
-    (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads.
+    (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads. In a plane v, which is 0, makes room for x.
     """
 
     # A particle's own history: permuted when slots are sorted.
@@ -75,8 +75,8 @@ class State:
         self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
 
         # Within a step.
-        self.position_volume = zeros(wp.vec4)
-        self.velocity_pressure = zeros(wp.vec4)
+        self.packed = zeros(wp.vec4, 2 * count)
+        self.position_volume, self.velocity_pressure = self.packed[:count], self.packed[count:]
         self.pressure_acceleration = zeros(wp.vec3)  # [m/s2]
         self.dissipative_acceleration = zeros(wp.vec3)
         self.wall_acceleration = zeros(wp.vec3)

@@ -35,7 +35,7 @@ class Step:
         self.neighbours.rebuild()
         self._record()
         self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
-        self.stages["pair loop: continuity"]()  # the first half step needs a rate too, or the run is of first order
+        self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
 
     def __call__(self) -> None:
         """Advance by one step."""
@@ -48,11 +48,11 @@ class Step:
         """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
         steps = 0
         while most_steps is None or steps < most_steps:
+            if self.state.dt.numpy()[0] == 0.0:
+                return
             if self.state.stale.numpy()[0]:
                 self._bind(self.neighbours.rebuild())
                 self._aim()
-            if not self.state.running.numpy()[0]:
-                return
             self()
             steps += 1
 
@@ -82,14 +82,18 @@ class Step:
         finish_density = launcher.record(
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
+        # What does not wait for all particles is chained: threads that meet less often wait less.
         self.stages = {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls.
             "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), self._walls()),
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
-            # Continuity and XSPH; density to n+1.
-            "pair loop: continuity": launcher.chain(self._sweep(momentum=False), finish_density),
-            **self._clock(),  # time, the next step, whether the lists will last
+            # Continuity and XSPH; density to n+1; how far particles have moved, the extremes of each block.
+            "pair loop: continuity, density, watch": launcher.chain(
+                self._sweep(momentum=False), finish_density, self._bound_motion(), self._watch()
+            ),
+            "life of the lists": self._compare_motion(),
+            "clock": self._clock(),  # time and the next step
         }
 
     # ---------------------------------------------------------------------------------------------------- the launches
@@ -133,43 +137,49 @@ class Step:
             *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
         )
 
-    def _clock(self) -> dict[str, Launch]:
-        """The next time and step, and whether the lists will last."""
+    def _bound_motion(self) -> Launch:
         s, m = self.state, self.model
-        record, blocks = m.launcher.record, s.cell_block_count
         lookahead = 1.25  # the next step may be a quarter longer than this one
-        return {
-            "motion since listing": record(
-                neighbours.bound_motion,
-                blocks,
-                [
-                    *(m.grid, lookahead, self.neighbours.cells.start, s.dt, s.position_volume, s.velocity_pressure),
-                    *(s.acceleration, s.listed_position, s.motion_lower, s.motion_upper),
-                ],
-            ),
-            "life of the lists": record(
-                neighbours.compare_motion,
-                blocks,
-                [m.grid, m.skin, m.support, s.motion_lower, s.motion_upper, s.strain],
-            ),
-            "largest strain": record(
-                neighbours.largest_of_blocks, s.strain_block_count, [blocks, BLOCK_SIZE, s.strain, s.block_strain]
-            ),
-            "limits of the step": record(
-                integrators.watch_blocks,
-                s.block_count,
-                [
-                    *(m.particle_count, BLOCK_SIZE, s.particle_dt_limit, s.particle_fault, s.particle_work, s.work),
-                    *(s.block_dt_limit, s.block_fault_slot),
-                ],
-            ),
-            "clock": record(
-                integrators.advance_clock,
-                1,
-                [
-                    *(s.block_count, s.strain_block_count, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
-                    *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
-                    *(s.dt_limit, s.stale, s.running),
-                ],
-            ),
-        }
+        return m.launcher.record(
+            neighbours.bound_motion,
+            s.cell_block_count,
+            [
+                *(m.grid, lookahead, self.neighbours.cells.start, s.dt, s.position_volume, s.velocity),
+                *(s.acceleration, s.listed_position, s.motion_lower, s.motion_upper),
+            ],
+        )
+
+    def _watch(self) -> Launch:
+        s, m = self.state, self.model
+        return m.launcher.record(
+            integrators.watch_blocks,
+            s.block_count,
+            [
+                *(m.particle_count, BLOCK_SIZE, s.particle_dt_limit, s.particle_fault, s.particle_work, s.work),
+                *(s.block_dt_limit, s.block_fault_slot),
+            ],
+        )
+
+    def _compare_motion(self) -> Launch:
+        s, m = self.state, self.model
+        bounds = [m.grid, m.skin, m.support, s.motion_lower, s.motion_upper, s.strain]
+        return m.launcher.record(neighbours.compare_motion, s.cell_block_count, bounds, grain=1 << 15)
+
+    def _clock(self) -> Launch:
+        s, m = self.state, self.model
+        largest = m.launcher.record(
+            neighbours.largest_of_blocks,
+            s.strain_block_count,
+            [s.cell_block_count, BLOCK_SIZE, s.strain, s.block_strain],
+            grain=s.strain_block_count + 1,  # one thread: the clock follows at once
+        )
+        advance = m.launcher.record(
+            integrators.advance_clock,
+            1,
+            [
+                *(s.block_count, s.strain_block_count, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
+                *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
+                *(s.dt_limit, s.stale, s.running),
+            ],
+        )
+        return m.launcher.chain(largest, advance)

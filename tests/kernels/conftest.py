@@ -107,7 +107,11 @@ class Cloud:
     def rates(self, momentum: bool = True, continuity: bool = True, **formulas: str | bool | int) -> list[np.ndarray]:
         """Acceleration by pressure and by dissipation [m/s2] [n, 3], rate of density by continuity and by diffusion
         [kg/m3/s] [n], XSPH velocity [m/s] [n, 3]; zero where that half of the loop is left out."""
-        packed = [self.launcher.packed(array) for array in (self.position_volume, self.velocity_pressure)]
+        quadruples = self.velocity_pressure.numpy().copy()
+        if formulas.get("dimensions") == 2:
+            quadruples[:, 1] = self.x[:, 0]  # as pressure_at does
+        velocity_pressure = self.array(quadruples, wp.vec4)
+        packed = [self.launcher.packed(array) for array in (self.position_volume, velocity_pressure)]
         inputs = [*packed, self.fluids, self.neighbour_count, self.neighbour_list]
         layout = replace(CUDA_LAYOUT if self.launcher.device.is_cuda else CPU_LAYOUT, by_column=self.by_column)
         kernel = rates_kernel(Formulas(smoothing=self.smoothing, **formulas), layout, momentum, continuity)

@@ -200,11 +200,11 @@ def strain(made: Listed, moved: np.ndarray, velocity: float = 0.0, lookahead: fl
     new = state.listed_position.numpy() + moved[made.id]
     volumes = np.column_stack([new, np.ones(n)])
     state.position_volume.assign(volumes.astype(np.float32))
-    state.velocity_pressure.assign(np.tile(np.float32([velocity, 0.0, 0.0, 0.0]), (n, 1)))
+    state.velocity.assign(np.tile(np.float32([velocity, 0.0, 0.0]), (n, 1)))
     state.dt.fill_(1.0)
     launcher, blocks = model.launcher, state.cell_block_count
     arrays = [state.acceleration, state.listed_position, state.motion_lower, state.motion_upper]
-    packed = [made.neighbours.cells.start, state.dt, state.position_volume, state.velocity_pressure]
+    packed = [made.neighbours.cells.start, state.dt, state.position_volume, state.velocity]
     launcher.run(kernels.bound_motion, blocks, [model.grid, lookahead, *packed, *arrays])
     bounds = [model.grid, model.skin, model.support, state.motion_lower, state.motion_upper, state.strain]
     launcher.run(kernels.compare_motion, blocks, bounds)

@@ -59,8 +59,8 @@ def test_nan_is_not_hidden(make_cloud, lattice):
     assert np.isnan(rate[11])
 
 
-def test_quadruples_are_the_same_memory(make_cloud, lattice):
+def test_what_is_packed_is_the_same_memory(make_cloud, lattice):
     cloud = make_cloud(lattice(3, 3))
     packed = cloud.launcher.packed(cloud.position_volume)
     cloud.position_volume.fill_(wp.vec4(1.0, 2.0, 3.0, 4.0))
-    np.testing.assert_array_equal(packed.numpy().ravel()[:8], [1, 2, 3, 4, 1, 2, 3, 4])
+    np.testing.assert_array_equal(packed.numpy().view(np.float32).ravel()[:8], [1, 2, 3, 4, 1, 2, 3, 4])
