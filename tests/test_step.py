@@ -210,6 +210,20 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
     assert done == ["__init__", "numpy"], "the test does not notice"
 
 
+def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device):
+    """The graph that a GPU replays from one list to the next, here on whatever device there is."""
+    runs = []
+    for replays in (False, True):
+        simulation = Simulation(make_collapse(), device, threads=1)
+        simulation.step._can_replay = replays
+        for time in (0.01, 0.05):
+            simulation.advance(time)
+        assert (simulation.step._graph is not None) == replays
+        runs.append(bits(simulation))
+    assert simulation.step.neighbours.rebuilds > 3
+    assert runs[0] == runs[1]
+
+
 # ------------------------------------------------------------------------------------------------ reproducibility
 
 

@@ -2,6 +2,7 @@
 
 import logging
 import math
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from warpsph.preview import FrameWriter, animate, fluid_colors, gauge_picture, w
 from warpsph.report import write_report
 from warpsph.scene import Scene
 from warpsph.simulation import Simulation
+from warpsph.state import Snapshot
 from warpsph.surface import wall_surface
 from warpsph.usd import UsdCache
 
@@ -28,6 +30,7 @@ class Outputs:
         fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
         walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
         self._frame = resume_at or 0
+        self._writer, self._writing = ThreadPoolExecutor(1), None
         self._pictures: FrameWriter | None = None
         self._cache: UsdCache | None = None
         if scene.output.pictures:
@@ -57,18 +60,32 @@ class Outputs:
             )
 
     def write_frame(self) -> None:
-        """Draw and cache the fluid as it is now."""
+        """Take the fluid as it is now; a thread of its own draws and caches it while the steps go on.
+
+        What went wrong with the frame before, a full disk for one, is raised here.
+        """
         if self._pictures is None and self._cache is None:
             return
         snapshot = self._simulation.state.snapshot()
+        self.wait()
+        self._writing = self._writer.submit(self._write, self._frame, snapshot)
+        self._frame += 1
+
+    def wait(self) -> None:
+        """Return when every frame is on the disk."""
+        if self._writing is not None:
+            self._writing.result()
+
+    def _write(self, frame: int, snapshot: Snapshot) -> None:
         if self._pictures is not None:
-            self._pictures.write(self._frame, snapshot)
+            self._pictures.write(frame, snapshot)
         if self._cache is not None:
             self._cache.write(snapshot)
-        self._frame += 1
 
     def finish(self) -> None:
         """Make the animation and the picture of the gauge record."""
+        self.wait()
+        self._writer.shutdown()
         preview, scene = self._folder / "preview", self._scene
         if self._pictures is not None and self._frame:
             animate(preview, preview / "animation", scene.output.frames_per_second)

@@ -142,6 +142,7 @@ class Run:
                 record.close()
         seconds = max(time.perf_counter() - started, 1e-9)
         if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
+            self._outputs.wait()
             write_checkpoint(self.folder / "checkpoints", simulation.state)
         log.info("%s %s", outcome, why)
         log.removeHandler(self._log_file)
@@ -187,6 +188,7 @@ class Run:
         if self._frames.take(now):
             self._outputs.write_frame()
         if self._checkpoints.take(now):
+            self._outputs.wait()
             write_checkpoint(self.folder / "checkpoints", simulation.state)
 
     def _is_told_to_stop(self) -> bool:

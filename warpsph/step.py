@@ -28,6 +28,9 @@ class Step:
         self.model, self.state = model, state
         self.neighbours = Neighbours(model, state)
         self.settling = False
+        self._graph, self._graph_settles = None, False
+        device = model.launcher.device
+        self._can_replay = device.is_cuda and wp.is_conditional_graph_supported()
         s = state
         self._aim = model.launcher.record(
             integrators.aim_clock, 1, [s.time, s.target, s.dt_limit, s.stale, s.fault, s.dt, s.running]
@@ -46,15 +49,25 @@ class Step:
 
     def run(self, most_steps: int | None = None) -> None:
         """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
-        steps = 0
-        while most_steps is None or steps < most_steps:
-            if self.state.dt.numpy()[0] == 0.0:
-                return
+        first = int(self.state.step.numpy()[0]) if most_steps else 0
+        while self.state.dt.numpy()[0] > 0.0:
             if self.state.stale.numpy()[0]:
                 self._bind(self.neighbours.rebuild())
                 self._aim()
-            self()
-            steps += 1
+            if most_steps is None and self._can_replay:
+                self._replay()
+            else:
+                self()
+                if most_steps and self.state.step.numpy()[0] >= first + most_steps:
+                    return
+
+    def _replay(self) -> None:
+        """Step on the device alone until the lists are stale or the clock stops: a graph that holds a loop of steps."""
+        if self._graph is None or self._graph_settles != self.settling:
+            with wp.ScopedCapture(self.model.launcher.device) as capture:
+                wp.capture_while(self.state.running, self)
+            self._graph, self._graph_settles = capture.graph, self.settling
+        wp.capture_launch(self._graph)
 
     def resume(self) -> None:
         """Take up a state that was read from a checkpoint."""
@@ -74,7 +87,7 @@ class Step:
 
     def _record(self) -> None:
         """Bind every stage to its arrays."""
-        s = self.state
+        s, self._graph = self.state, None
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
