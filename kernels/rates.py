@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 
-from .density import DENSITY_DIFFUSION
+from .density import BY_GRADIENT, DENSITY_DIFFUSION
 from .momentum import tensile
 from .parameters import Parameters
 from .smoothing import SMOOTHING
@@ -153,7 +153,7 @@ def rates_kernel(
     viscous, psi = VISCOSITY[formulas.viscosity], DENSITY_DIFFUSION[formulas.diffusion]
     load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
     its_fluid = fluid_of if formulas.mixture else same_fluid
-    diffusive = momentum and formulas.diffusion != "none"
+    diffusive, by_gradient = momentum and formulas.diffusion != "none", formulas.diffusion in BY_GRADIENT
     xsph, tensioned = continuity and formulas.xsph, momentum and formulas.tensile_correction
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
@@ -163,6 +163,7 @@ def rates_kernel(
         position_volume: wp.array[packed],
         velocity_pressure: wp.array[packed],
         fluid: wp.array[int],
+        pressure_gradient: wp.array[wp.vec3],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
         pressure_acceleration_out: wp.array[wp.vec3],
@@ -212,7 +213,11 @@ def rates_kernel(
                 dissipative_y -= Pi * y
                 dissipative_z -= Pi * z
             if wp.static(diffusive):
-                psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z))
+                slope_ij = 0.0
+                if wp.static(by_gradient):
+                    G_ij = 0.5 * (pressure_gradient[i] + pressure_gradient[j])
+                    slope_ij = G_ij[0] * x + G_ij[1] * y + G_ij[2] * z
+                psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z), slope_ij)
                 diffused -= wp.where(fluid_i == fluid_j, s * psi_ij, 0.0)
             if wp.static(continuity):
                 divergence += s * u_dot_x

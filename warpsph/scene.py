@@ -255,8 +255,10 @@ class WallModel(Part):
 class DensityDiffusion(Part):
     """Diffusion of density between particles of one fluid, which keeps the pressure smooth."""
 
-    model: Literal["none", "molteni_colagrossi", "fourtakas"] = Field(
-        "fourtakas", description="What is diffused [-]; fourtakas leaves fluid at rest alone."
+    model: Literal["none", "molteni_colagrossi", "fourtakas", "antuono"] = Field(
+        "fourtakas",
+        description="What is diffused [-]; fourtakas leaves fluid at rest alone, antuono (delta-SPH) any linear "
+        "pressure, for a sweep more.",
     )
     delta: NotNegative = Field(0.1, description="Coefficient of the diffusion [-].")
 

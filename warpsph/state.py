@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpsph.kernels.density import BY_GRADIENT
 from warpsph.model import Model
 
 # Particles whose sums and extremes one thread collects; a fixed number, so that sums do not depend on the threads.
@@ -82,6 +83,8 @@ class State:
         self.wall_acceleration = zeros(wp.vec3)
         self.diffusion_rate = zeros(float)  # [kg/m3/s]
         self.wall_distance = zeros(float)  # [m]
+        needs_gradient = model.formulas.diffusion in BY_GRADIENT
+        self.pressure_gradient = zeros(wp.vec3, count if needs_gradient else 1)  # [Pa/m]
         self.particle_dt_limit = zeros(float)  # [s]
         self.particle_fault = zeros(int)
         self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]

@@ -98,6 +98,7 @@ class Step:
         # What does not wait for all particles is chained: threads that meet less often wait less.
         self.stages = {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
+            **self._gradients(),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls.
             "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), self._walls()),
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
@@ -127,10 +128,20 @@ class Step:
         s, m, n = self.state, self.model, self.neighbours
         return self._launch(
             rates_kernel(m.formulas, m.layout, momentum, continuity),
-            *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid, n.count, n.list),
+            *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid),
+            *(s.pressure_gradient, n.count, n.list),
             *(s.pressure_acceleration, s.dissipative_acceleration),
             *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
         )
+
+    def _gradients(self) -> dict[str, Launch]:
+        """What diffusion needs before the pair loop, if it is of that kind."""
+        s, m, n = self.state, self.model, self.neighbours
+        if m.formulas.diffusion not in density.BY_GRADIENT:
+            return {}
+        kernel = density.pressure_gradient_kernel(m.formulas.smoothing)
+        packed = (s.position_volume, s.velocity_pressure, s.fluid)
+        return {"pressure gradient": self._launch(kernel, *packed, n.count, n.list, s.pressure_gradient)}
 
     def _walls(self) -> Launch:
         s, m, n = self.state, self.model, self.neighbours

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.kernels.density import pressure_gradient_kernel
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.smoothing import SMOOTHING
@@ -112,10 +113,18 @@ class Cloud:
             quadruples[:, 1] = self.x[:, 0]  # as pressure_at does
         velocity_pressure = self.array(quadruples, wp.vec4)
         packed = [self.launcher.packed(array) for array in (self.position_volume, velocity_pressure)]
-        inputs = [*packed, self.fluids, self.neighbour_count, self.neighbour_list]
+        lists = [self.neighbour_count, self.neighbour_list]
+        gradient = self.array(self.pressure_gradient(), wp.vec3)
+        inputs = [*packed, self.fluids, gradient, *lists]
         layout = replace(CUDA_LAYOUT if self.launcher.device.is_cuda else CPU_LAYOUT, by_column=self.by_column)
         kernel = rates_kernel(Formulas(smoothing=self.smoothing, **formulas), layout, momentum, continuity)
         return self.run(kernel, inputs, [wp.vec3, wp.vec3, float, float, wp.vec3])
+
+    def pressure_gradient(self) -> np.ndarray:
+        """Renormalised gradient of pressure within each fluid [Pa/m], shape [n, 3]."""
+        lists = [self.neighbour_count, self.neighbour_list]
+        inputs = [self.position_volume, self.velocity_pressure, self.fluids, *lists]
+        return self.run(pressure_gradient_kernel(self.smoothing), inputs, [wp.vec3])[0]
 
     def acceleration(self, viscosity: str = "signal", tensile_correction: bool = False) -> list[np.ndarray]:
         """By pressure and by dissipation [m/s2], each of shape [n, 3]."""

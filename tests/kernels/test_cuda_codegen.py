@@ -11,7 +11,7 @@ import warp as wp
 
 import warpsph.kernels
 from warpsph.kernels.corrections import CORRECTION, filtered_density_kernel, renormalisation_kernel
-from warpsph.kernels.density import DENSITY_DIFFUSION
+from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.laminar import (
     LAMINAR,
@@ -45,6 +45,7 @@ FORMULAS = [
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     rates_kernel: [(formulas, CUDA_LAYOUT, *half) for formulas in FORMULAS for half in HALVES],
     list_kernel: [(True,), (False,)],
+    pressure_gradient_kernel: [(name,) for name in SMOOTHING],
     wall_acceleration_kernel: list(product(WALL_FORCE, SMOOTHING)),
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),

@@ -64,7 +64,7 @@ def test_kinetic_and_internal_energy_are_exchanged_without_loss(mixture):
 # -------------------------------------------------------------------------------------------------------- diffusion
 
 
-@pytest.mark.parametrize("model", ["molteni_colagrossi", "fourtakas"])
+@pytest.mark.parametrize("model", ["molteni_colagrossi", "fourtakas", "antuono"])
 def test_diffusion_is_its_formula(mixture, model):
     """2 delta h / c sum_j V_j psi_ij (x_ji . grad_i W_ij) / r_ij^2 within a fluid, beside continuity."""
     cloud = mixture(diffusion=0.1)
@@ -72,6 +72,9 @@ def test_diffusion_is_its_formula(mixture, model):
     psi = cloud.p - cloud.p[:, None]
     if model == "fourtakas":
         psi -= 1000.0 * np.array([1.0, 2.53])[cloud.fluid] * GRAVITY * cloud.x_ij[:, :, 2]
+    if model == "antuono":
+        G = cloud.pressure_gradient()
+        psi += 0.5 * np.einsum("ijk,ijk->ij", G[:, None] + G, cloud.x_ij)
     psi *= cloud.fluid == cloud.fluid[:, None]
     slope = -np.einsum("ijk,ijk->ij", cloud.x_ij, cloud.grad_W) / cloud.r**2
     expected = 2 * 0.1 * cloud.h / cloud.c * ((cloud.V * psi * slope).sum(axis=1))
@@ -90,7 +93,7 @@ def test_diffusion_conserves(mixture, model):
         assert abs(gained.sum()) <= TOLERANCE * np.abs(gained).sum()
 
 
-@pytest.mark.parametrize("model", ["molteni_colagrossi", "fourtakas"])
+@pytest.mark.parametrize("model", ["molteni_colagrossi", "fourtakas", "antuono"])
 def test_diffusion_smooths_a_checkerboard(make_cloud, lattice, model):
     """Where every other particle is pressed and the rest are in tension, each moves towards its neighbours."""
     x = lattice(9, 9)
@@ -107,6 +110,24 @@ def test_diffusion_of_fourtakas_leaves_rest_alone(make_cloud, lattice):
     _, older, _ = cloud.density_rate("molteni_colagrossi")
     _, diffusion, _ = cloud.density_rate("fourtakas")
     assert np.abs(diffusion).max() < TOLERANCE * np.abs(older).max()
+
+
+def test_diffusion_of_antuono_leaves_any_linear_pressure_alone(make_cloud, lattice):
+    """In any direction, at the free surface and at any disorder."""
+    x = shake(lattice(9, 9))
+    cloud = make_cloud(x, p=300.0 + x @ [4000.0, 0.0, -7000.0], diffusion=0.1)
+    np.testing.assert_allclose(cloud.pressure_gradient(), np.tile([4000.0, 0.0, -7000.0], (len(x), 1)), atol=0.2)
+    _, older, _ = cloud.density_rate("molteni_colagrossi")
+    _, diffusion, _ = cloud.density_rate("antuono")
+    assert np.abs(diffusion).max() < 2 * TOLERANCE * np.abs(older).max()
+
+
+def test_gradient_looks_at_its_own_fluid(make_cloud, lattice):
+    """A jump of pressure where two fluids meet is no gradient."""
+    x = lattice(9, 9)
+    fluid = (x[:, 0] > 0.0).astype(np.int32)
+    cloud = make_cloud(x, p=500.0 + 8000.0 * fluid, fluid=fluid)
+    assert not cloud.pressure_gradient().any()
 
 
 # ------------------------------------------------------------------------------------------------------------- XSPH
