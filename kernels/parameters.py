@@ -24,7 +24,11 @@ class Parameters:
     viscosity_beta: float  # beta of eq 58
     xsph: float  # epsilon of eq 40
     diffusion: float  # delta of the density diffusion
-    wall_strength: float  # K / (beta c^2): wall force factor, dimensionless
+    inverse_spacing: float  # 1 / dx [1/m]
+    wall_strength: float  # K / c^2, divided by beta (in 3-D its square) for the laws of distance alone
+    wall_approach: (
+        float  # beta_v of Monaghan & Kos (1999): what the speed of approach adds; 0 keeps energy, 1 is theirs
+    )
     # time step
     courant: float
     # limits beyond which a particle is absurd

@@ -185,6 +185,8 @@ class Placement:
             the lattice in a fill, and in a shape its volume shared out, so that the mass is that of the drawing.
         wall_position: Points of all walls [m], set back from the walls as drawn, shape [wall_count, 3].
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count, 3].
+        wall_before, wall_after: From each wall point to its neighbours on an outline [m], 0 where it ends, and
+            everywhere in a 3-D scene, shape [wall_count, 3].
         wall_index: Index into `scene.walls`, int32, shape [wall_count].
         wall_area: Area of wall that each point stands for [m2, in 2-D a length in m], shape [wall_count].
         ground: Height of the lowest point of the walls as drawn, or of the fluid where there are no walls [m].
@@ -198,6 +200,8 @@ class Placement:
     volume: Array
     wall_position: Array
     wall_normal: Array
+    wall_before: Array
+    wall_after: Array
     wall_index: NDArray[np.int32]
     wall_area: Array
     ground: float
@@ -242,6 +246,7 @@ def place(scene: Scene) -> Placement:
         fluid.velocity if len(fluid.velocity) == 3 else np.insert(fluid.velocity, 1, 0.0) for fluid in scene.fluids
     ]
     counts = [len(sites) for sites in placed]
+    ways = [one.ways_along(points) for one, (points, _, _) in zip(walls, samples, strict=True)]
     nowhere = np.empty((0, 3))  # a scene may have no walls
     placement = Placement(
         position=position,
@@ -251,6 +256,8 @@ def place(scene: Scene) -> Placement:
         volume=np.array(volumes),
         wall_position=np.concatenate([nowhere, *(points for points, _, _ in samples)]),
         wall_normal=np.concatenate([nowhere, *(n * side for (_, n, _), side in zip(samples, sides, strict=True))]),
+        wall_before=np.concatenate([nowhere, *(before for before, _ in ways)]),
+        wall_after=np.concatenate([nowhere, *(after for _, after in ways)]),
         wall_index=np.repeat(np.arange(len(samples), dtype=np.int32), [len(points) for points, _, _ in samples]),
         wall_area=np.concatenate([np.empty(0), *(areas for _, _, areas in samples)]),
         ground=float(drawn[:, 2].min()),

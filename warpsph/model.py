@@ -11,6 +11,7 @@ from warpsph.kernels.neighbours import BLOCK_EDGE
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
 from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.walls import BY_LEG
 from warpsph.launch import Launcher
 from warpsph.scene import Material, Scene
 
@@ -35,6 +36,9 @@ class Model:
         ground: Height of the lowest point of the walls [m].
         grid: Cells over the scene.
         wall_position: Wall points [m], on the device, sorted by cell, shape [wall_count].
+        wall_velocity: Theirs, 0 [m/s], shape [wall_count].
+        wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count].
+        wall_before, wall_after: From each point to its neighbours on the wall [m], 0 where it ends, shape [wall_count].
         wall_start: Slots of the wall points of each cell, as in `Cells.start`.
     """
 
@@ -74,7 +78,13 @@ class Model:
         cells = Cells(self.grid, wp.array(placement.wall_position, dtype=wp.vec3, device=device), launcher)
         cells.sort()
         order = cells.order.numpy()[: len(placement.wall_position)]
-        self.wall_position = wp.array(placement.wall_position[order], dtype=wp.vec3, device=device)
+
+        def vectors(values: np.ndarray) -> wp.array:
+            return wp.array(values[order], dtype=wp.vec3, device=device)
+
+        self.wall_position, self.wall_normal = vectors(placement.wall_position), vectors(placement.wall_normal)
+        self.wall_before, self.wall_after = vectors(placement.wall_before), vectors(placement.wall_after)
+        self.wall_velocity = wp.zeros_like(self.wall_position)
         self.wall_start = cells.start
 
     def _parameters(self, scene: Scene, placement: Placement, materials: list[Material]) -> Parameters:
@@ -96,7 +106,9 @@ class Model:
         p.diffusion = scene.density_diffusion.delta
         # beta points stand where one fluid particle would in the plane, beta^2 in space.
         points = scene.wall_model.refinement ** (dimensions - 1)
-        p.wall_strength = scene.wall_model.strength / points
+        p.inverse_spacing = 1.0 / dx
+        p.wall_strength = scene.wall_model.strength / (1.0 if scene.wall_model.force in BY_LEG else points)
+        p.wall_approach = scene.wall_model.approach
         p.courant = scene.run.courant
         p.least_compression, p.most_compression = LEAST_COMPRESSION, MOST_COMPRESSION
         p.lower, p.upper = domain(placement, 2.0 * h)

@@ -237,19 +237,47 @@ class Wall(Part):
         return self
 
 
+# What suits a law, where it is not what suits `radial`: still water rests where it is drawn.
+_WALL_LAWS: Mapping[str, Mapping[str, float]] = {
+    "lennard_jones": {"set_back": 0.3},
+    "monaghan_kos": {"set_back": 0.8},
+    "monaghan_kos_issa": {"strength": 0.02, "set_back": 1.35},
+}
+
+
 class WallModel(Part):
     """How walls push fluid away."""
 
-    force: Literal["radial"] = Field("radial", description="Law of the wall force [-]; radial: Monaghan and Kajtar.")
+    force: Literal["radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa"] = Field(
+        "radial", description="Law of the wall force [-]; radial is that of Monaghan and Kajtar."
+    )
     refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
         3.0, description="Particle spacing over the spacing of wall points, beta [-]."
     )
-    strength: Positive = Field(0.01, description="Strength of the wall force, K / c0^2 [-].")
+    strength: Positive = Field(
+        0.01, description="Strength of the wall force, K / c0^2 [-]; 0.02 for monaghan_kos_issa when absent."
+    )
+    approach: NotNegative = Field(
+        0.0, description="Part of the speed of approach in the force of monaghan_kos, beta [-]; more than 0 damps."
+    )
     set_back: NotNegative = Field(
         0.95,
         description="How far behind the wall line its points stand, in spacings [-]: still water then rests with its "
-        "first row half a spacing off the line, and the volume between the walls is the volume of the fluid.",
+        "first row half a spacing off the line, and the volume between the walls is the volume of the fluid. When "
+        "absent 0.3 for lennard_jones, 0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _suit_the_law(cls, data: Any) -> Any:
+        law = data.get("force") if isinstance(data, dict) else None
+        return _WALL_LAWS[law] | data if isinstance(law, str) and law in _WALL_LAWS else data
+
+    @model_validator(mode="after")
+    def _approach_has_a_law(self) -> WallModel:
+        if self.approach and self.force != "monaghan_kos":
+            raise _fault(f"goes with the force monaghan_kos; {self.force} does not know it", "approach")
+        return self
 
 
 class DensityDiffusion(Part):
@@ -463,6 +491,9 @@ class Scene(Part):
 
 def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
+    if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
+        law = scene.wall_model.force
+        yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
     yield from _misplaced(scene)
     for kind in ("walls", "fluids", "gauges"):
         seen: dict[str, int] = {}

@@ -148,7 +148,8 @@ class Step:
         return self._launch(
             walls.wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
             *(s.position_volume, s.velocity_pressure, s.fluid),
-            *(m.wall_position, n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
+            *(m.wall_position, m.wall_velocity, m.wall_normal, m.wall_before, m.wall_after),
+            *(n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
         )
 
     def _kick(self) -> Launch:

@@ -148,6 +148,16 @@ class Sheet:
         areas = np.outer(shares, lengths).ravel()
         return _across(points, stations), np.tile(in_space(normals), (len(stations), 1)), areas
 
+    def ways_along(self, points: Array) -> tuple[Array, Array]:
+        """From each of `points` that `sample` gave to the one before and to the one after it on the outline [m], each
+        of shape [m, 3]; 0 where the outline ends, and on a wall with a width, along which there is no one way."""
+        if self.width:
+            return np.zeros_like(points), np.zeros_like(points)
+        before, after = np.roll(points, 1, axis=0) - points, np.roll(points, -1, axis=0) - points
+        if not self.closed:
+            before[0] = after[-1] = 0.0
+        return before, after
+
     def lines(self) -> list[Array]:
         """What is drawn of it, seen from the side: polylines of the x-z plane [m], each of shape [k, 2]."""
         corners = self.outline.polygon()
@@ -274,6 +284,10 @@ class Crate:
         np.add.at(area, place, np.concatenate(areas))
         points = np.stack([stations[axis][site[first, axis]] for axis in range(3)], axis=1)
         return points, normal / np.linalg.norm(normal, axis=1)[:, None], area
+
+    def ways_along(self, points: Array) -> tuple[Array, Array]:
+        """0 for each of `points` that `sample` gave, twice, shape [m, 3]: a face runs in no one way."""
+        return np.zeros_like(points), np.zeros_like(points)
 
     def lines(self) -> list[Array]:
         """What is drawn of it, seen from the side: its end faces, bottom and top, each of shape [2, 2] [m]."""

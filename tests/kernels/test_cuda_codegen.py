@@ -46,7 +46,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     rates_kernel: [(formulas, CUDA_LAYOUT, *half) for formulas in FORMULAS for half in HALVES],
     list_kernel: [(True,), (False,)],
     pressure_gradient_kernel: [(name,) for name in SMOOTHING],
-    wall_acceleration_kernel: list(product(WALL_FORCE, SMOOTHING)),
+    wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
     renormalisation_kernel: [(name,) for name in SMOOTHING],
