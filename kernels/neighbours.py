@@ -139,27 +139,53 @@ def list_kernel(by_column: bool) -> wp.Kernel:
 
 
 @wp.kernel(enable_backward=False)
+def mark_walls(
+    first: int,
+    grid: CellGrid,
+    cells: int,
+    wall_start: wp.array[int],
+    near_wall_out: wp.array[int],
+):
+    """Whether there are wall points in a cell or within so many `cells` of it: most particles need not look for any."""
+    i = first + wp.tid()
+    row = i / grid.count[0]
+    x = i - row * grid.count[0]
+    z = row / grid.count[1]
+    y = row - z * grid.count[1]
+    found = int(0)
+    for kz in range(wp.max(z - cells, 0), wp.min(z + cells + 1, grid.count[2])):
+        for ky in range(wp.max(y - cells, 0), wp.min(y + cells + 1, grid.count[1])):
+            begin = (kz * grid.count[1] + ky) * grid.count[0]
+            low, high = wp.max(x - cells, 0), wp.min(x + cells, grid.count[0] - 1)
+            found += wall_start[begin + high + 1] - wall_start[begin + low]
+    near_wall_out[i] = wp.min(found, 1)
+
+
+@wp.kernel(enable_backward=False)
 def count_wall_points(
     first: int,
     grid: CellGrid,
-    parameters: Parameters,
+    radius: float,
+    near_wall: wp.array[int],
     wall_start: wp.array[int],
     cell: wp.array[int],
     position: wp.array[wp.vec3],
     wall_position: wp.array[wp.vec3],
     count_out: wp.array[int],
 ):
-    """How many wall points lie within the list radius of each particle."""
+    """How many wall points lie within `radius` [m] of each particle."""
     i = first + wp.tid()
-    x_i = position[i]
     count = int(0)
-    for b in range(-grid.reach[1], grid.reach[1] + 1):
-        for a in range(-grid.reach[2], grid.reach[2] + 1):
-            middle = cell[i] + (a * grid.count[1] + b) * grid.count[0]
-            for k in range(wall_start[middle - grid.reach[0]], wall_start[middle + grid.reach[0] + 1]):
-                x_ik = x_i - wall_position[k]
-                if wp.dot(x_ik, x_ik) < parameters.list_radius * parameters.list_radius:
-                    count += 1
+    if near_wall[cell[i]] > 0:
+        x_i = position[i]
+        low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
+        for kz in range(low[2], high[2] + 1):
+            for ky in range(low[1], high[1] + 1):
+                row = (kz * grid.count[1] + ky) * grid.count[0]
+                for k in range(wall_start[row + low[0]], wall_start[row + high[0] + 1]):
+                    x_ik = x_i - wall_position[k]
+                    if wp.dot(x_ik, x_ik) < radius * radius:
+                        count += 1
     count_out[i] = count
 
 
@@ -167,9 +193,8 @@ def count_wall_points(
 def list_wall_points(
     first: int,
     grid: CellGrid,
-    parameters: Parameters,
+    radius: float,
     wall_start: wp.array[int],
-    cell: wp.array[int],
     position: wp.array[wp.vec3],
     wall_position: wp.array[wp.vec3],
     wall_first: wp.array[int],
@@ -177,15 +202,16 @@ def list_wall_points(
 ):
     """The wall points of particle i, at list[first[i] : first[i + 1]]."""
     i = first + wp.tid()
-    x_i = position[i]
     n = wall_first[i]
     if n < wall_first[i + 1]:
-        for b in range(-grid.reach[1], grid.reach[1] + 1):
-            for a in range(-grid.reach[2], grid.reach[2] + 1):
-                middle = cell[i] + (a * grid.count[1] + b) * grid.count[0]
-                for k in range(wall_start[middle - grid.reach[0]], wall_start[middle + grid.reach[0] + 1]):
+        x_i = position[i]
+        low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
+        for kz in range(low[2], high[2] + 1):
+            for ky in range(low[1], high[1] + 1):
+                row = (kz * grid.count[1] + ky) * grid.count[0]
+                for k in range(wall_start[row + low[0]], wall_start[row + high[0] + 1]):
                     x_ik = x_i - wall_position[k]
-                    if wp.dot(x_ik, x_ik) < parameters.list_radius * parameters.list_radius:
+                    if wp.dot(x_ik, x_ik) < radius * radius:
                         list_out[n] = k
                         n += 1
 
@@ -235,7 +261,9 @@ def compare_motion(
     first: int,
     grid: CellGrid,
     skin: float,
+    wall_skin: float,
     support: float,
+    wall_block: wp.array[int],
     lower: wp.array[wp.vec3],
     upper: wp.array[wp.vec3],
     strain_out: wp.array[float],
@@ -244,7 +272,8 @@ def compare_motion(
 
     Two particles that are not on each other's list come within the support only by moving, relative to each other, by
     more than the skin if their blocks touch, by more than edge - support if one block lies between, and by more than
-    2 edge - support if two do [m]. What moves together as a whole needs no new list until it has gone that far.
+    2 edge - support if two do [m]. What moves together as a whole needs no new list until it has gone that far, unless
+    it passes a wall: that stands still, and is listed with a skin of its own.
     """
     block = first + wp.tid()
     row = block / grid.blocks[0]
@@ -255,17 +284,19 @@ def compare_motion(
     strain = float(0.0)
     if least[0] <= most[0]:
         edge = float(BLOCK_EDGE) / grid.inverse_edge
-        alone = 2.0 * wp.length(wp.max(-least, most))
-        strain = alone / (2.0 * edge - support)
-        ring = wp.where(alone > edge - support, 2, 1)
+        alone = wp.length(wp.max(-least, most))
+        strain = 2.0 * alone / (2.0 * edge - support)
+        ring = wp.where(2.0 * alone > edge - support, 2, 1)
         for z in range(wp.max(bz - ring, 0), wp.min(bz + ring + 1, grid.blocks[2])):
             for y in range(wp.max(by - ring, 0), wp.min(by + ring + 1, grid.blocks[1])):
                 for x in range(wp.max(bx - ring, 0), wp.min(bx + ring + 1, grid.blocks[0])):
                     other = (z * grid.blocks[1] + y) * grid.blocks[0] + x
+                    touch = wp.max(wp.max(wp.abs(x - bx), wp.abs(y - by)), wp.abs(z - bz)) <= 1
                     if lower[other][0] <= upper[other][0]:
                         apart = wp.length(wp.max(upper[other] - least, most - lower[other]))
-                        touch = wp.max(wp.max(wp.abs(x - bx), wp.abs(y - by)), wp.abs(z - bz)) <= 1
                         strain = wp.max(strain, apart / wp.where(touch, skin, edge - support))
+                    if wall_block[other] > 0:
+                        strain = wp.max(strain, alone / wp.where(touch, wall_skin, edge - support))
     strain_out[block] = strain
 
 

@@ -24,7 +24,7 @@ SCENES = next((p for p in (_PACKAGE / "scenes", _PACKAGE.parent / "scenes") if p
 
 # Whole steps, both pair loops included, on one core of a current processor; what `check` estimates time with.
 # Measured by `python -m warpsph scene scenes/landslide.yaml --threads 1`; in 3-D there are four times the neighbours.
-UPDATES_PER_SECOND_AND_THREAD = {2: 1.2e6, 3: 0.2e6}
+UPDATES_PER_SECOND_AND_THREAD = {2: 2.0e6, 3: 0.4e6}
 
 
 class _InputError(Exception):

@@ -7,7 +7,7 @@ import warp as wp
 
 from warpsph.cells import Cells, cell_grid
 from warpsph.geometry import Placement
-from warpsph.kernels.neighbours import BLOCK_EDGE
+from warpsph.kernels.neighbours import BLOCK_EDGE, CellGrid, mark_walls
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
 from warpsph.kernels.smoothing import SMOOTHING
@@ -18,6 +18,9 @@ from warpsph.scene import Material, Scene
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
 SKIN = 0.1
+# The same for wall points. They stand still, so that lists outlive some steps of flow along a wall only with a longer
+# reach; few particles pay for it.
+WALL_SKIN = 0.4
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
 ROOM = 1.2
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
@@ -40,6 +43,8 @@ class Model:
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count].
         wall_before, wall_after: From each point to its neighbours on the wall [m], 0 where it ends, shape [wall_count].
         wall_start: Slots of the wall points of each cell, as in `Cells.start`.
+        near_wall: Whether wall points may be on the list of a particle in a cell, shape [cell_count].
+        wall_block: Whether there are wall points in a block of cells, shape [block_count].
     """
 
     def __init__(self, scene: Scene, placement: Placement, launcher: Launcher) -> None:
@@ -60,6 +65,8 @@ class Model:
         self.support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
         self.skin = SKIN * self.support
         self.list_radius = self.support + self.skin
+        self.wall_skin = WALL_SKIN * self.support
+        self.wall_radius = self.support + self.wall_skin
 
         self.formulas = Formulas(
             smoothing=scene.smoothing.kernel,
@@ -86,6 +93,10 @@ class Model:
         self.wall_before, self.wall_after = vectors(placement.wall_before), vectors(placement.wall_after)
         self.wall_velocity = wp.zeros_like(self.wall_position)
         self.wall_start = cells.start
+        self.wall_block = wp.array(blocks_in_use(self.grid, cells.start.numpy()), dtype=int, device=device)
+        self.near_wall = wp.zeros(len(cells.start) - 1, dtype=int, device=device)
+        reach = math.ceil(self.wall_radius * self.grid.inverse_edge)
+        launcher.run(mark_walls, len(self.near_wall), [self.grid, reach, self.wall_start, self.near_wall])
 
     def _parameters(self, scene: Scene, placement: Placement, materials: list[Material]) -> Parameters:
         kernel = SMOOTHING[scene.smoothing.kernel]
@@ -156,6 +167,15 @@ def extent(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
         return lower - room, upper + room
     upper[2] += 0.5 * room[2]
     return lower, upper
+
+
+def blocks_in_use(grid: CellGrid, start: np.ndarray) -> np.ndarray:
+    """Whether there are points in each block of cells, shape [block_count]; `start` is that of `Cells`."""
+    across, blocks, edge = tuple(grid.count)[::-1], tuple(grid.blocks)[::-1], int(BLOCK_EDGE)
+    used = np.zeros([edge * n for n in blocks], dtype=bool)
+    used[tuple(slice(n) for n in across)] = np.diff(start).reshape(across) > 0
+    (a, b, c) = blocks
+    return used.reshape(a, edge, b, edge, c, edge).any(axis=(1, 3, 5)).ravel().astype(np.int32)
 
 
 def domain(placement: Placement, margin: float) -> tuple[wp.vec3, wp.vec3]:

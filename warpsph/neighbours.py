@@ -16,7 +16,7 @@ def list_bytes(model: Model) -> int:
     """Memory of the lists, and of the cells of particles and walls [bytes]."""
     row = 4 * (1 + model.parameters.list_capacity) + 4  # counts and entries; wall points
     return (
-        model.particle_count * (row + 4 * 4 + 24) + 2 * 4 * math.prod(model.grid.count) + model.wall_position.capacity
+        model.particle_count * (row + 4 * 4 + 24) + 3 * 4 * math.prod(model.grid.count) + model.wall_position.capacity
     )
 
 
@@ -54,8 +54,10 @@ class Neighbours:
             count,
             [grid, parameters, self.cells.start, cell, listed, self.count, self.list],
         )
-        walls = [grid, parameters, model.wall_start, cell, listed, model.wall_position]
-        self._count_walls = record(kernels.count_wall_points, count, [*walls, self.wall_first])
+        places = [listed, model.wall_position]
+        near = [grid, model.wall_radius, model.near_wall, model.wall_start, cell, *places]
+        self._count_walls = record(kernels.count_wall_points, count, [*near, self.wall_first])
+        walls = [grid, model.wall_radius, model.wall_start, *places]
         self._list_walls = record(kernels.list_wall_points, count, [*walls, self.wall_first, self.wall_list])
 
     def _record_permutation(self) -> list[Launch | Callable[[], None]]:

@@ -187,7 +187,8 @@ class Step:
 
     def _compare_motion(self) -> Launch:
         s, m = self.state, self.model
-        bounds = [m.grid, m.skin, m.support, s.motion_lower, s.motion_upper, s.strain]
+        walls = [m.skin, m.wall_skin, m.support, m.wall_block]
+        bounds = [m.grid, *walls, s.motion_lower, s.motion_upper, s.strain]
         return m.launcher.record(neighbours.compare_motion, s.cell_block_count, bounds, grain=1 << 15)
 
     def _clock(self) -> Launch:

@@ -86,6 +86,13 @@ def listed(make_scene, device):
     return lambda x, *overrides, **fields: Listed(make_scene(SCENE, *overrides), device, np.asarray(x), **fields)
 
 
+@pytest.fixture
+def listed_without_walls(make_scene, device):
+    """The same with nothing but the particles."""
+    scene = make_scene(SCENE, "walls=[]")
+    return lambda x: Listed(scene, device, np.asarray(x))
+
+
 def cloud(count: int, low: tuple[float, float], high: tuple[float, float], seed: int = 0) -> np.ndarray:
     return np.insert(np.random.default_rng(seed).uniform(low, high, (count, 2)), 1, 0.0, axis=1)
 
@@ -140,14 +147,14 @@ def test_lists_reach_beyond_the_support(listed, kernel):
 
 def test_wall_points_on_the_lists(listed):
     made = listed(cloud(300, (-1.5, -1.0), (1.5, 1.0)))
-    assert_lists(made.wall_pairs(), made.x, made.model.wall_position.numpy())
+    assert_lists(made.wall_pairs(), made.x, made.model.wall_position.numpy(), made.model.wall_radius)
 
 
 def test_wall_list_grows(listed):
     """It begins with room for 1024 entries."""
     made = listed(cloud(600, (-1.0, -0.7), (0.5, -0.3)))
     assert made.grew and made.neighbours.wall_first.numpy()[-1] > 1024
-    assert_lists(made.wall_pairs(), made.x, made.model.wall_position.numpy())
+    assert_lists(made.wall_pairs(), made.x, made.model.wall_position.numpy(), made.model.wall_radius)
     assert not made.neighbours.rebuild()
 
 
@@ -206,32 +213,40 @@ def strain(made: Listed, moved: np.ndarray, velocity: float = 0.0, lookahead: fl
     arrays = [state.acceleration, state.listed_position, state.motion_lower, state.motion_upper]
     packed = [made.neighbours.cells.start, state.dt, state.position_volume, state.velocity]
     launcher.run(kernels.bound_motion, blocks, [model.grid, lookahead, *packed, *arrays])
-    bounds = [model.grid, model.skin, model.support, state.motion_lower, state.motion_upper, state.strain]
+    walls = [model.skin, model.wall_skin, model.support, model.wall_block]
+    bounds = [model.grid, *walls, state.motion_lower, state.motion_upper, state.strain]
     launcher.run(kernels.compare_motion, blocks, bounds)
     return float(state.strain.numpy().max())
 
 
-def test_what_moves_as_a_whole_needs_no_new_list(listed):
+def test_what_moves_as_a_whole_needs_no_new_list(listed_without_walls):
     """Until it has gone so far that it might meet what is not near it now."""
-    made = listed(cloud(400, (-1.5, -1.5), (1.5, 1.5)))
+    made = listed_without_walls(cloud(400, (-1.5, -1.5), (1.5, 1.5)))
     together = np.tile([3.0 * made.model.skin, 0.0, -2.0 * made.model.skin], (400, 1))
     assert 0.0 < strain(made, together) < 1.0
     assert strain(made, 20.0 * together) > 1.0
 
 
-def test_strain_is_the_relative_motion_over_the_skin(listed):
+def test_strain_is_the_relative_motion_over_the_skin(listed_without_walls):
     """Two particles a list radius apart, one of which moves by a share of the skin."""
-    made = listed(np.array([[0.0, 0.0, 0.0], [REACH, 0.0, 0.0]]))
+    made = listed_without_walls(np.array([[0.0, 0.0, 0.0], [REACH, 0.0, 0.0]]))
     moved = np.array([[0.7 * made.model.skin, 0.0, 0.0], [0.0, 0.0, 0.0]])
     assert strain(made, moved) == pytest.approx(0.7, rel=1e-4)
 
 
-def test_strain_looks_ahead(listed):
+def test_strain_looks_ahead(listed_without_walls):
     """A step and a half on, but what moves together still moves together then."""
-    made = listed(np.array([[0.0, 0.0, 0.0]]))
+    made = listed_without_walls(np.array([[0.0, 0.0, 0.0]]))
     still, longest = np.zeros((1, 3)), made.model.longest_motion
     assert strain(made, still, velocity=0.5 * longest) == 0.0
     assert strain(made, still, velocity=0.5 * longest, lookahead=1.5) == pytest.approx(0.75, rel=1e-4)
+
+
+def test_walls_stand_still(listed):
+    """What moves as a whole along or towards a wall needs the wall points there in time."""
+    made = listed(np.array([[0.0, 0.0, -0.2], [0.1, 0.0, -0.2]]))
+    together = np.tile([0.7 * made.model.wall_skin, 0.0, 0.0], (2, 1))
+    assert strain(made, together) == pytest.approx(0.7, rel=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -244,6 +259,9 @@ def test_no_pair_is_missing_while_strain_is_below_one(listed, seed):
     moved *= 0.999 * skin / (strain(made, skin * moved) * skin)
     assert strain(made, skin * moved) < 1.0
     x = made.x + skin * moved
+    to_walls = np.linalg.norm(x[:, None] - made.model.wall_position.numpy(), axis=2)
+    assert (to_walls < made.model.support).any()
+    assert made.wall_pairs()[to_walls < made.model.support].all()
     distance = np.linalg.norm(x[:, None] - x, axis=2)
     np.fill_diagonal(distance, np.inf)
     assert made.pairs()[distance < made.model.support].all()
