@@ -43,7 +43,7 @@ def everything(simulation: Simulation) -> dict[str, bytes]:
 def resumed(simulation: Simulation, folder) -> Simulation:
     """A new simulation of the same scene that goes on from the last checkpoint of `folder`, as a run does."""
     new = Simulation(simulation.scene, str(simulation.launcher.device))
-    read_checkpoint(folder, new.state)
+    read_checkpoint(folder, new)
     new.enter_phase()
     new.step.resume()
     return new
@@ -61,7 +61,7 @@ def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
     whole = Simulation(make_collapse(), device)
     for time in (0.05, 0.1):
         whole.advance(time)
-        write_checkpoint(tmp_path, whole.state)
+        write_checkpoint(tmp_path, whole)
         if time == 0.05:
             part = resumed(whole, tmp_path)
     assert np.any(whole.state.id.numpy() != np.arange(300)), "the particles were never sorted"
@@ -69,7 +69,7 @@ def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
 
     (tmp_path / "again").mkdir()
     part.advance(0.1)
-    write_checkpoint(tmp_path / "again", part.state)
+    write_checkpoint(tmp_path / "again", part)
     again = resumed(part, tmp_path / "again")
     for other in (part, again):
         other.advance(0.15)
@@ -82,7 +82,7 @@ def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
 def test_goes_on_in_any_phase(make_scene, device, tmp_path, time):
     whole = Simulation(make_scene(HELD), device)
     advance(whole, time)
-    write_checkpoint(tmp_path, whole.state)
+    write_checkpoint(tmp_path, whole)
     part = resumed(whole, tmp_path)
     for simulation in (whole, part):
         advance(simulation, 0.04)
@@ -91,7 +91,7 @@ def test_goes_on_in_any_phase(make_scene, device, tmp_path, time):
 
 def test_writing_leaves_no_trace_in_the_state(collapsing, tmp_path):
     before = everything(collapsing)
-    write_checkpoint(tmp_path, collapsing.state)
+    write_checkpoint(tmp_path, collapsing)
     assert everything(collapsing) == before
 
 
@@ -99,7 +99,7 @@ def test_last_ones_are_kept(collapsing, tmp_path):
     paths = []
     for time in (0.03, 0.04, 0.05):
         collapsing.advance(time)
-        paths.append(write_checkpoint(tmp_path, collapsing.state))
+        paths.append(write_checkpoint(tmp_path, collapsing))
     assert sorted(tmp_path.iterdir()) == paths[-KEPT:]
     assert [path.stem for path in paths] == sorted(path.stem for path in paths)
     assert int(paths[-1].stem) == collapsing.step_count
@@ -108,22 +108,22 @@ def test_last_ones_are_kept(collapsing, tmp_path):
 
 def test_nothing_to_go_on_from(collapsing, tmp_path):
     with pytest.raises(CheckpointError, match="no checkpoint to go on from"):
-        read_checkpoint(tmp_path, collapsing.state)
+        read_checkpoint(tmp_path, collapsing)
 
 
 @pytest.mark.parametrize("damage", [lambda b: b"", lambda b: b"text", lambda b: b[: len(b) // 2]])
 def test_damaged_file_is_named(collapsing, tmp_path, damage):
-    path = write_checkpoint(tmp_path, collapsing.state)
+    path = write_checkpoint(tmp_path, collapsing)
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(CheckpointError) as caught:
-        read_checkpoint(tmp_path, collapsing.state)
+        read_checkpoint(tmp_path, collapsing)
     assert str(caught.value).startswith(f"{path}: not a checkpoint that can be read")
     assert "\n" not in str(caught.value)
 
 
 def test_checkpoint_of_another_scene_is_refused(collapsing, make_collapse, device, tmp_path):
-    path = write_checkpoint(tmp_path, collapsing.state)
+    path = write_checkpoint(tmp_path, collapsing)
     other = Simulation(make_collapse("spacing=0.04"), device)
     with pytest.raises(CheckpointError, match="made by another scene") as caught:
-        read_checkpoint(tmp_path, other.state)
+        read_checkpoint(tmp_path, other)
     assert str(path) in str(caught.value)

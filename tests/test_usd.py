@@ -12,7 +12,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from warpsph.state import Snapshot
-from warpsph.usd import UsdCache
+from warpsph.usd import DrawnBody, UsdCache
 from warpsph.usd_check import check_cache
 
 SPACING = 0.01
@@ -264,3 +264,38 @@ def test_a_killed_run_leaves_a_cache_with_all_finished_frames(tmp_path, lines):
     # What the kill left half done goes when the cache is continued.
     open_cache(folder, resume_at=reported)
     assert len(list((folder / "frames").iterdir())) == reported
+
+
+def test_body_is_a_mesh_under_an_animated_xform(tmp_path):
+    """Its corners land where the body is in each frame, before and after the cache is continued."""
+    corners = np.array([[-0.1, 0.0, -0.1], [0.1, 0.0, -0.1], [0.1, 0.0, 0.1]])
+    bodies = {"raft": DrawnBody(corners, [[0, 1, 2]], "#8a5a2b")}
+    quarter = np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)])  # from z to x
+
+    def make(resume_at):
+        return UsdCache(
+            tmp_path,
+            fluids={"water": "#3f86bf"},
+            walls={},
+            bodies=bodies,
+            spacing=0.02,
+            frames_per_second=10.0,
+            resume_at=resume_at,
+        )
+
+    def snapshot(time):
+        points = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+        still, ones = np.zeros((2, 3), np.float32), np.ones(2)
+        return Snapshot(time, 0, points, still, ones, ones, np.zeros(2, int), np.arange(2))
+
+    cache = make(None)
+    cache.write(snapshot(0.0), [(np.array([1.0, 0.0, 2.0]), np.array([0.0, 0.0, 0.0, 1.0]))])
+    make(1).write(snapshot(0.1), [(np.array([1.5, 0.0, 2.0]), quarter)])
+    assert check_cache(tmp_path) == []
+    stage = Usd.Stage.Open(str(tmp_path / "scene.usda"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Bodies/raft/Surface"))
+    first = np.array(mesh.GetPointsAttr().Get())[:3] + np.array([0.0, 0.02, 0.0])
+    np.testing.assert_allclose(first, corners, atol=1e-6)
+    for frame, place in ((0, [0.9, 0.0, 1.9]), (1, [1.4, 0.0, 2.1])):
+        moved = mesh.ComputeLocalToWorldTransform(frame).Transform(Gf.Vec3d(*corners[0].tolist()))
+        np.testing.assert_allclose(moved, place, atol=1e-6)

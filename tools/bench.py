@@ -94,7 +94,7 @@ def begin(scene: Scene, device: str, threads: int, start: Path | None) -> Simula
     gc.collect()
     simulation = Simulation(scene, device, threads)
     if start:
-        read_checkpoint(start, simulation.state)
+        read_checkpoint(start, simulation)
         simulation.enter_phase()
         simulation.step.resume()
     return simulation
@@ -151,7 +151,7 @@ def run_up(case: Case, device: str, threads: int, folder: Path) -> list[float]:
         noise.append(pressure_noise(s.position, s.pressure, walls, spacing, case.pressure_scale))
     advance(simulation, DEVELOPED_TIME)
     folder.mkdir()
-    write_checkpoint(folder, simulation.state)
+    write_checkpoint(folder, simulation)
     return noise
 
 

@@ -177,6 +177,16 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
             f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
             f"at t = {gauge['crest time [s]']:.3f} s"
         )
+    for name, impact in facts.get("impacts", {}).items():
+        lines.append(
+            f"  impact of {name:<5} {impact['speed [m/s]']:.3f} m/s at t = {impact['time [s]']:.3f} s, "
+            f"Froude number {impact['Froude number']:.3f}"
+        )
+    for name, wave in facts.get("waves", {}).items():
+        lines.append(
+            f"  wave at {name:<7} solitary with R2 = {wave['likeness to a solitary wave, R2']:.3f}, "
+            f"{wave['energy / kinetic energy of the impact']:.1%} of the energy of the impact"
+        )
     lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
     return "\n".join(lines)
 
@@ -194,6 +204,8 @@ def _check(options: argparse.Namespace) -> int:
     for name, count in facts.counts.items():
         print(f"  {name:<15} {count:,} particles")
     print(f"  wall points     {facts.wall_count:,}")
+    if facts.body_points:
+        print(f"  body points     {facts.body_points:,}")
     print(
         f"  memory          {facts.memory / 1e6:,.1f} MB ({facts.memory / facts.particle_count:.0f} bytes a particle)"
     )

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from warpsph.outline import Array
 from warpsph.scene import Fluid, Scene
+from warpsph.solids import Solid, place_bodies, refuse_behind
 from warpsph.surface import Crate, Frame, Sheet, solid, wall_surface
 
 Wall = Sheet | Crate
@@ -77,7 +78,9 @@ def _spot(scene: Scene, point: Array) -> str:
     return ", ".join(f"{axis} = {point['xyz'.index(axis)]:.4g} m" for axis in axes)
 
 
-def _shape_sites(scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall]) -> tuple[Array, Array, list[str]]:
+def _shape_sites(
+    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], solids: Sequence[Solid]
+) -> tuple[Array, Array, list[str]]:
     """Sites of a shape [n, 3] [m], the column of its own that presses on each [n] [m], and warnings."""
     dx, body = scene.spacing, solid(scene, fluid.shape)
     angle = fluid.lattice.angle if fluid.lattice else 0.0
@@ -100,6 +103,11 @@ def _shape_sites(scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall]) -
     if len(touching):
         words = f"{len(touching)} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
         raise scene.error(path, f"{words}, the first at {_spot(scene, sites[touching[0]])}")
+    for one in solids:
+        touching = np.flatnonzero(one.contains(sites) | (one.distance(sites) < (0.5 - CLEARANCE_SLACK) * dx))
+        if len(touching):
+            words = f"body '{one.body.name}' lies in it or within half a spacing of it"
+            raise scene.error(path, f"{words}, at {_spot(scene, sites[touching[0]])}")
 
     warnings = []
     excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
@@ -119,7 +127,9 @@ def _shape_sites(scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall]) -
     return sites, depth, warnings
 
 
-def _fill_sites(scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall]) -> tuple[Array, Array, list[str]]:
+def _fill_sites(
+    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], solids: Sequence[Solid]
+) -> tuple[Array, Array, list[str]]:
     """Sites of a fill [n, 3] [m], the depth of each below the level [n] [m], and warnings."""
     fill, dx = fluid.fill, scene.spacing
     bed = walls[[wall.name for wall in scene.walls].index(fill.above)]
@@ -147,7 +157,9 @@ def _fill_sites(scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall]) ->
         # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
         if obstacle.closed and obstacle is not bed and not obstacle.contains(drawn[[len(drawn) // 2]])[0]:
             sites = sites[~obstacle.contains(sites)]
-    sites = sites[_distance(walls, sites) > (fluid.clearance - CLEARANCE_SLACK) * dx]
+    for one in solids:
+        sites = sites[~one.contains(sites)]  # displaced
+    sites = sites[_distance([*walls, *solids], sites) > (fluid.clearance - CLEARANCE_SLACK) * dx]
 
     openings = bed.openings(fill.level, 0.5 * dx)
     is_open = near(openings, sites, 1.5 * dx) & (_distance(walls, openings) > dx)
@@ -189,6 +201,8 @@ class Placement:
             everywhere in a 3-D scene, shape [wall_count, 3].
         wall_index: Index into `scene.walls`, int32, shape [wall_count].
         wall_area: Area of wall that each point stands for [m2, in 2-D a length in m], shape [wall_count].
+        sides: Side of each wall on which the fluid is, as `wet_side`.
+        solids: The bodies in their places.
         ground: Height of the lowest point of the walls as drawn, or of the fluid where there are no walls [m].
         warnings: What is doubtful, a line each.
     """
@@ -204,6 +218,8 @@ class Placement:
     wall_after: Array
     wall_index: NDArray[np.int32]
     wall_area: Array
+    sides: tuple[int, ...]
+    solids: tuple[Solid, ...]
     ground: float
     warnings: tuple[str, ...]
 
@@ -216,6 +232,7 @@ def place(scene: Scene) -> Placement:
     """
     walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
     _refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
+    solids = place_bodies(scene, walls)
     warnings: list[str] = []
     placed: list[Array] = []
     depths: list[Array] = []
@@ -223,7 +240,9 @@ def place(scene: Scene) -> Placement:
     for i, fluid in enumerate(scene.fluids):
         path = f"fluids[{i}].{'shape' if fluid.shape else 'fill'}"
         sites, depth, doubts = (
-            _shape_sites(scene, path, fluid, walls) if fluid.shape else _fill_sites(scene, path, fluid, walls)
+            _shape_sites(scene, path, fluid, walls, solids)
+            if fluid.shape
+            else _fill_sites(scene, path, fluid, walls, solids)
         )
         free = np.ones(len(sites), dtype=bool)
         for earlier in placed:
@@ -240,6 +259,7 @@ def place(scene: Scene) -> Placement:
     position = np.concatenate(placed)
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
+    refuse_behind(scene, solids, walls, sides)
     samples = [one.set_back(set_back, side).sample(scene.wall_spacing) for one, side in zip(walls, sides, strict=True)]
     drawn = np.concatenate([one.sample(scene.wall_spacing)[0] for one in walls]) if walls else position
     velocity = [
@@ -260,6 +280,8 @@ def place(scene: Scene) -> Placement:
         wall_after=np.concatenate([nowhere, *(after for _, after in ways)]),
         wall_index=np.repeat(np.arange(len(samples), dtype=np.int32), [len(points) for points, _, _ in samples]),
         wall_area=np.concatenate([np.empty(0), *(areas for _, _, areas in samples)]),
+        sides=tuple(sides),
+        solids=tuple(solids),
         ground=float(drawn[:, 2].min()),
         warnings=(),
     )
@@ -280,8 +302,9 @@ def behind_walls(placement: Placement, position: Array) -> NDArray[np.bool_]:
 
 
 def drop_height(placement: Placement) -> float:
-    """How far the highest particle can fall [m]."""
-    return max(float(placement.position[:, 2].max()) - placement.ground, 0.0)
+    """How far the highest particle, or body that is free to, can fall [m]."""
+    tops = [solid.samples[:, 2].max() for solid in placement.solids if solid.body.motion is None]
+    return max(float(max([placement.position[:, 2].max(), *tops])) - placement.ground, 0.0)
 
 
 def _slow_sound(scene: Scene, drop: float) -> list[str]:
@@ -295,6 +318,7 @@ def _slow_sound(scene: Scene, drop: float) -> list[str]:
         starts = [math.hypot(*fluid.velocity) for fluid in scene.fluids if fluid.material == name]
         if not starts:
             continue
+        starts += [math.hypot(*body.velocity) for body in scene.bodies if body.velocity]
         speed = math.sqrt(2.0 * scene.gravity * drop + max(starts) ** 2)
         if material.sound_speed >= 7.0 * speed:
             continue
@@ -358,6 +382,6 @@ def _round_up(value: float) -> float:
     return math.ceil(value / unit - 1e-9) * unit
 
 
-def _distance(walls: Sequence[Wall], points: Array) -> Array:
+def _distance(walls: Sequence[Wall | Solid], points: Array) -> Array:
     """Distance from each of `points` [n, 3] to the nearest wall [m], shape [n]."""
     return np.min([np.full(len(points), np.inf), *(one.distance(points) for one in walls)], axis=0)

@@ -6,12 +6,13 @@ A clearance or a length is that of the drawing, not of its samples. Plane points
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.scene import Corner, Scene, Shape, Wall
+from warpsph.scene import Corner, Scene, Shape, Solid, Wall
 
 Array = NDArray[np.float64]
 
@@ -161,14 +162,14 @@ def wall_outline(scene: Scene, index: int) -> Outline:
     """
     wall = scene.walls[index]
     if wall.path:
-        return Outline(_path_legs(scene, index, wall), wall.closed)
+        return Outline(path_legs(scene, f"walls[{index}].path", wall.path, wall.closed), wall.closed)
     if wall.arc:
         start, end = math.radians(wall.arc.start), math.radians(wall.arc.end)
         return Outline((Bend(np.array(wall.arc.center), wall.arc.radius, start, end - start),), closed=False)
     return closed_outline(wall)
 
 
-def closed_outline(part: Wall | Shape) -> Outline:
+def closed_outline(part: Wall | Shape | Solid) -> Outline:
     """The exact outline of a box, a disc or a polygon in the x-z plane; boxes and discs run counter-clockwise from the
     bottom."""
     if part.disc:
@@ -181,15 +182,17 @@ def closed_outline(part: Wall | Shape) -> Outline:
     return Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), closed=True)
 
 
-def _path_legs(scene: Scene, index: int, wall: Wall) -> tuple[Leg, ...]:
-    """Straight legs between the points of a path, with an arc at every rounded corner."""
-    where = f"walls[{index}].path"
-    stops = [point if isinstance(point, Corner) else Corner(at=point, radius=0.0) for point in wall.path]
+def path_legs(scene: Scene, where: str, path: Sequence[Corner | Sequence[float]], closed: bool) -> tuple[Leg, ...]:
+    """Straight legs between the points of a path, with an arc at every rounded corner; `where` it stands in the scene.
+
+    Raises SceneError for a path that stands still, or a corner that is too tight for its radius.
+    """
+    stops = [point if isinstance(point, Corner) else Corner(at=point, radius=0.0) for point in path]
     corners = np.array([stop.at for stop in stops])
     count = len(stops)
     ways = np.roll(corners, -1, axis=0) - corners  # way i leads from corner i to the next
     reach = np.linalg.norm(ways, axis=1)
-    ways_count = count if wall.closed else count - 1
+    ways_count = count if closed else count - 1
     for i in range(ways_count):
         if reach[i] == 0.0:
             raise scene.error(f"{where}[{(i + 1) % count}]", "is the same place as the point before it")

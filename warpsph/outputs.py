@@ -3,19 +3,20 @@
 import logging
 import math
 from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
 
 import warpsph
 from warpsph.geometry import drop_height
-from warpsph.preview import FrameWriter, animate, fluid_colors, gauge_picture, window_around
+from warpsph.preview import BODY_PALETTE, FrameWriter, animate, fluid_colors, gauge_picture, window_around
 from warpsph.report import write_report
 from warpsph.scene import Scene
 from warpsph.simulation import Simulation
 from warpsph.state import Snapshot
 from warpsph.surface import wall_surface
-from warpsph.usd import UsdCache
+from warpsph.usd import DrawnBody, Place, UsdCache
 
 log = logging.getLogger("warpsph")
 
@@ -29,6 +30,10 @@ class Outputs:
         colors = {name: material.color for name, material in scene.materials.items()}
         fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
         walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
+        bodies = {
+            body.name: DrawnBody(*solid.corners(), body.color or color)
+            for body, solid, color in zip(scene.bodies, simulation.placement.solids, cycle(BODY_PALETTE), strict=False)
+        }
         self._frame = resume_at or 0
         self._writer, self._writing = ThreadPoolExecutor(1), None
         self._pictures: FrameWriter | None = None
@@ -37,13 +42,15 @@ class Outputs:
             particles = simulation.placement.position[:, ::2]
             view = scene.output.view
             lines = [line for wall in walls.values() for line in wall.lines()]
+            seen = [particles, *lines, *(solid.samples[:, ::2] for solid in simulation.placement.solids)]
             self._pictures = FrameWriter(
                 folder / "preview",
                 title=scene.title,
                 fluids=fluids,
                 walls=lines,
+                bodies=list(bodies.values()),
                 spacing=scene.spacing,
-                window=(view.x, view.z) if view else window_around(np.concatenate([particles, *lines]), scene.spacing),
+                window=(view.x, view.z) if view else window_around(np.concatenate(seen), scene.spacing),
                 speed_scale=_round(0.7 * math.sqrt(2.0 * scene.gravity * drop_height(simulation.placement))),
             )
         if scene.output.usd:
@@ -53,6 +60,7 @@ class Outputs:
                 walls={
                     name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()
                 },
+                bodies=bodies,
                 spacing=scene.spacing,
                 frames_per_second=scene.output.frames_per_second,
                 provenance={"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
@@ -67,8 +75,9 @@ class Outputs:
         if self._pictures is None and self._cache is None:
             return
         snapshot = self._simulation.state.snapshot()
+        places = self._simulation.bodies.places() if self._simulation.bodies else []
         self.wait()
-        self._writing = self._writer.submit(self._write, self._frame, snapshot)
+        self._writing = self._writer.submit(self._write, self._frame, snapshot, places)
         self._frame += 1
 
     def wait(self) -> None:
@@ -76,11 +85,11 @@ class Outputs:
         if self._writing is not None:
             self._writing.result()
 
-    def _write(self, frame: int, snapshot: Snapshot) -> None:
+    def _write(self, frame: int, snapshot: Snapshot, places: list[Place]) -> None:
         if self._pictures is not None:
-            self._pictures.write(frame, snapshot)
+            self._pictures.write(frame, snapshot, places)
         if self._cache is not None:
-            self._cache.write(snapshot)
+            self._cache.write(snapshot, places)
 
     def finish(self) -> None:
         """Make the animation and the picture of the gauge record."""

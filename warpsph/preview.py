@@ -17,21 +17,24 @@ import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image, ImageDraw, ImageFont
 
+from warpsph.bodies import rotation
 from warpsph.records import find_crest, read_record
 
 if TYPE_CHECKING:
     from warpsph.state import Snapshot
+    from warpsph.usd import DrawnBody, Place
 
 Window = tuple[tuple[float, float], tuple[float, float]]
 
 # Colours of materials that name none, and of lines in plots.
 MATERIAL_PALETTE = ("#2f7fb8", "#8a6a4a", "#3c8d7b", "#b98a2e", "#7d5a9b", "#b0513f")
+BODY_PALETTE = ("#8c8f94", "#b0895a", "#6f7f6a", "#a46d62")
 LINE_PALETTE = ("#1f5f99", "#c2512f", "#2e7d5b", "#8a4f9e", "#a67c00", "#4a5560")
 INK = "#2b2f33"
 GREY = "#9aa0a6"
@@ -84,6 +87,7 @@ class FrameWriter:
         title: Written above every frame.
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
         walls: Lines of the walls in the x-z plane [m], each of shape [corner_count, 2].
+        bodies: What is drawn of each rigid body, its outline filled.
         spacing: Particle spacing [m].
         window: What is seen, ((x, x), (z, z)) [m].
         speed_scale: Speed that is drawn lightest [m/s].
@@ -96,6 +100,7 @@ class FrameWriter:
         title: str,
         fluids: Mapping[str, str],
         walls: Sequence[np.ndarray],
+        bodies: Sequence[DrawnBody] = (),
         spacing: float,
         window: Window,
         speed_scale: float,
@@ -119,21 +124,36 @@ class FrameWriter:
             linewidths=0.0,
         )
         self._walls = LineCollection(walls, colors=INK, linewidths=1.5, capstyle="round")
+        self._drawn_bodies = list(bodies)
+        self._bodies = [
+            PolyCollection(
+                [],
+                facecolors=body.color,
+                edgecolors=INK if len(body.faces) == 1 else body.color,
+                linewidths=1.0 if len(body.faces) == 1 else 0.3,
+            )
+            for body in bodies
+        ]
         axes.add_collection(self._particles, autolim=False)
+        for body in self._bodies:
+            axes.add_collection(body, autolim=False)
         axes.add_collection(self._walls, autolim=False)
         left, (width, height) = axes.bbox.x0, self._figure.bbox.size
         heading = self._figure.text(left, height - 32, title, fontsize=13, fontweight="bold", color=INK, transform=None)
         heading.set_fontsize(13 * min(1.0, (width - left - RIGHT) / heading.get_window_extent().width))
         self._time = self._figure.text(left, axes.bbox.y1 + 14, "", fontsize=13, color=INK, transform=None)
 
-        self._moving = (self._particles, self._walls, self._time)
+        self._moving = (self._particles, *self._bodies, self._walls, self._time)
         for artist in self._moving:
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self._figure.bbox)
 
-    def write(self, frame: int, snapshot: Snapshot) -> Path:
-        """Draw a snapshot as frame number `frame`, and return the path of the picture."""
+    def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
+        """Draw a snapshot, with the bodies in their places, as frame `frame`, and return the path of the picture."""
+        for artist, body, (x, q) in zip(self._bodies, self._drawn_bodies, places, strict=True):
+            corners = (x + body.corners @ rotation(q).T)[:, ::2]
+            artist.set_verts([corners[face] for face in body.faces])
         speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
         shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
         nearest_last = np.argsort(-snapshot.position[:, 1], kind="stable")

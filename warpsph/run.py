@@ -15,7 +15,9 @@ import warp as wp
 
 import warpsph
 from warpsph.checkpoint import read_checkpoint, write_checkpoint
+from warpsph.coupling import columns as body_columns
 from warpsph.energy import drift_and_converted
+from warpsph.impact import celerity, find_impact, find_wave
 from warpsph.outputs import Outputs
 from warpsph.progress import Progress
 from warpsph.records import Record, find_crest, read_record
@@ -78,12 +80,12 @@ class Run:
             refuse_used_folder(folder, overwrite)
         self.simulation = Simulation(scene, device, threads)
         if resume:
-            read_checkpoint(folder / "checkpoints", self.simulation.state)
+            read_checkpoint(folder / "checkpoints", self.simulation)
             self.simulation.enter_phase()
             self.simulation.step.resume()
         elif folder.exists():
             shutil.rmtree(folder)
-        for name in ("gauges", "fluids", "checkpoints"):
+        for name in ("gauges", "fluids", "checkpoints", *(["bodies"] if scene.bodies else [])):
             (folder / name).mkdir(parents=True, exist_ok=True)
         (folder / "STOP").unlink(missing_ok=True)
         (folder / "scene.yaml").write_text(scene.resolved_yaml(), encoding="utf-8")
@@ -100,12 +102,14 @@ class Run:
 
     def _open_records(self, resume_at: float | None) -> dict[str, Record]:
         unit = "[J/m]" if self.scene.dimensions == 2 else "[J]"
-        energies = ("kinetic", "potential", "internal", "dissipated", "wall work", "damped", "total")
+        of_bodies = ("bodies kinetic", "bodies potential") if self.scene.bodies else ()
+        energies = ("kinetic", "potential", "internal", "dissipated", "wall work", "damped", *of_bodies, "total")
         motion = ("x [m]", "z [m]", "u [m/s]", "w [m/s]", "front [m]", "top speed [m/s]")
         columns = {
             "energy": [f"{name} {unit}" for name in energies],
             **{f"gauges/{name}": ["level [m]"] for name in self.simulation.gauges.names},
             **{f"fluids/{name}": motion for name in self.simulation.model.fluid_names},
+            **{f"bodies/{body.name}": body_columns(self.scene.dimensions) for body in self.scene.bodies},
         }
         return {name: Record(self.folder / f"{name}.csv", heading, resume_at) for name, heading in columns.items()}
 
@@ -143,7 +147,7 @@ class Run:
         seconds = max(time.perf_counter() - started, 1e-9)
         if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
             self._outputs.wait()
-            write_checkpoint(self.folder / "checkpoints", simulation.state)
+            write_checkpoint(self.folder / "checkpoints", simulation)
         log.info("%s %s", outcome, why)
         log.removeHandler(self._log_file)
         self._log_file.close()
@@ -179,7 +183,11 @@ class Run:
         # The warm-up is stepped from sample to sample too, for the sake of its progress, but nothing of it is recorded.
         if self._samples.take(now) and now >= 0.0:
             budget, motions = simulation.energy.measure()
-            self._records["energy"].write(now, [*budget.parts(), budget.total])
+            of_bodies = simulation.bodies.energies() if simulation.bodies else ()
+            self._records["energy"].write(now, [*budget.parts(), *of_bodies, budget.total])
+            if simulation.bodies:
+                for name, row in zip(simulation.bodies.names, simulation.bodies.rows(), strict=True):
+                    self._records[f"bodies/{name}"].write(now, row)
             for name, level in zip(simulation.gauges.names, simulation.gauges.levels(), strict=True):
                 self._records[f"gauges/{name}"].write(now, [level])
             for name, motion in zip(simulation.model.fluid_names, motions, strict=True):
@@ -189,7 +197,7 @@ class Run:
             self._outputs.write_frame()
         if self._checkpoints.take(now):
             self._outputs.wait()
-            write_checkpoint(self.folder / "checkpoints", simulation.state)
+            write_checkpoint(self.folder / "checkpoints", simulation)
 
     def _is_told_to_stop(self) -> bool:
         most = self.scene.run.max_steps
@@ -218,10 +226,12 @@ class Run:
             "counts": {
                 "particles": model.particle_count,
                 "wall points": len(simulation.placement.wall_position),
+                **({"body points": simulation.bodies.set.point_count} if simulation.bodies else {}),
                 **{name: int(np.sum(model.initial_fluid == f)) for f, name in enumerate(model.fluid_names)},
             },
             "conservation": self._conservation(),
             "gauges": self._crests(),
+            **self._impacts(),
             "warnings": list(simulation.placement.warnings),
         }
 
@@ -236,6 +246,50 @@ class Run:
             facts["energy converted"] = converted
             facts["energy drift / converted"] = drift / converted
         return facts
+
+    def _impacts(self) -> dict[str, Any]:
+        """How bodies of a 2-D scene came into its water, and the waves that passed its gauges."""
+        scene, bodies = self.scene, self.simulation.bodies
+        fill = next((fluid for fluid in scene.fluids if fluid.fill), None)
+        if bodies is None or fill is None or scene.dimensions == 3:
+            return {}
+        level = fill.fill.level
+        about = {"depth": level - self.simulation.model.ground, "gravity": scene.gravity}
+        impacts, waves = {}, {}
+        for body in bodies.set.bodies:
+            record = read_record(self.folder / "bodies" / f"{body.name}.csv")
+            mass = {"mass": body.mass.mass, "inertia": float(body.mass.inertia[1, 1])}
+            found = find_impact(record, level=level, **about, **mass)
+            if found:
+                impacts[body.name] = {
+                    "time [s]": found.time,
+                    "speed [m/s]": found.speed,
+                    "Froude number": found.froude,
+                    "kinetic energy [J/m]": found.energy,
+                }
+        total = sum(impact["kinetic energy [J/m]"] for impact in impacts.values())
+        before = None
+        for gauge in scene.gauges if impacts else ():
+            time, height = read_record(self.folder / "gauges" / f"{gauge.name}.csv").values()
+            density = scene.materials[fill.material].density
+            wave = find_wave(time, height - height[0], **about, density=density) if len(time) else None
+            if wave is None:
+                before = None
+                continue
+            waves[gauge.name] = {
+                "solitary amplitude [m]": wave.fit.amplitude,
+                "likeness to a solitary wave, R2": wave.fit.r2,
+                "period [s]": wave.period,
+                "kinetic energy [J/m]": wave.kinetic,
+                "potential energy [J/m]": wave.potential,
+                "energy / kinetic energy of the impact": (wave.kinetic + wave.potential) / total,
+            }
+            if before and wave.fit.crest > before[1].fit.crest:
+                waves[gauge.name]["celerity from the gauge before [m/s]"] = celerity(
+                    before[1], wave, gauge.x - before[0]
+                )
+            before = gauge.x, wave
+        return {"impacts": impacts, "waves": waves} if impacts else {}
 
     def _crests(self) -> dict[str, dict[str, float]]:
         found = {}

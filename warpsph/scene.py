@@ -358,6 +358,123 @@ class Fluid(Part):
         return self
 
 
+class MeshFile(Part):
+    """A closed surface from a file."""
+
+    file: str = Field(description="Path of the file, from the scene file's folder [-]; whatever meshio reads.")
+    scale: Positive = Field(1.0, description="Metres to a unit of the file [-].")
+
+
+class Solid(Part):
+    """The shape of a rigid body: exactly one of box, polygon, disc, path, sphere and mesh."""
+
+    box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] | None = Field(
+        None, description="Corners [x, z] of a polygon, either way round, in 2-D [m]."
+    )
+    disc: Disc | None = Field(None, description="Circle, in 2-D [m].")
+    path: Annotated[tuple[PathPoint, ...], Field(min_length=3)] | None = Field(
+        None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m]."
+    )
+    sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")
+    mesh: MeshFile | None = Field(None, description="Closed surface from a file, in 3-D [m].")
+
+    @model_validator(mode="after")
+    def _is_one_shape(self) -> Solid:
+        self._need_one_of("box", "polygon", "disc", "path", "sphere", "mesh")
+        return self
+
+
+class BodyMotion(Part):
+    """A motion that is prescribed: a body goes its way whatever pushes it."""
+
+    kind: Literal["constant", "ramp", "sine", "table"] = Field(description="Its course [-].")
+    shift: Point | None = Field(
+        None,
+        description="Velocity of constant, and of ramp at last [m/s]; amplitude of sine [m]; none when absent.",
+    )
+    turn: Real = Field(
+        0.0, description="Rate of constant and ramp [degrees/s], amplitude of sine [degrees], counter-clockwise."
+    )
+    pivot: Point | None = Field(None, description="What it turns about at the start [m]; the centre when absent.")
+    begin: Real = Field(0.0, description="When it begins [s].")
+    period: Positive | None = Field(None, description="Period of sine, and how long ramp takes [s].")
+    phase: Real = Field(0.0, description="Phase of sine at its beginning [degrees].")
+    file: str | None = Field(
+        None,
+        description="CSV file of table, from the scene's folder [-]: time [s] and any of x, y, z [m], angle [deg].",
+    )
+
+    @model_validator(mode="after")
+    def _has_what_it_needs(self) -> BodyMotion:
+        needs = {"period": ("ramp", "sine"), "file": ("table",)}
+        for name, kinds in needs.items():
+            if self.kind in kinds and getattr(self, name) is None:
+                raise _fault(f"this field is missing: {self.kind} needs it", name)
+            if self.kind not in kinds and getattr(self, name) is not None:
+                raise _fault(f"goes with {' and '.join(kinds)}, not with {self.kind}", name)
+        if self.kind == "table" and (self.shift is not None or self.turn):
+            raise _fault("is in the table", "turn" if self.turn else "shift")
+        if self.kind != "table" and self.shift is None and not self.turn:
+            raise _fault("a shift or a turn is needed")
+        return self
+
+
+class Touch(Part):
+    """How a body touches walls and other bodies; of two bodies the geometric mean counts."""
+
+    restitution: Annotated[Real, Field(ge=0, le=1)] = Field(0.0, description="Speed after a bounce over before [-].")
+    static_friction: NotNegative = Field(0.0, description="Coefficient of Coulomb's friction at rest [-].")
+    dynamic_friction: NotNegative = Field(0.0, description="The same in motion, not more than at rest [-].")
+
+    @model_validator(mode="after")
+    def _rubs_less_in_motion(self) -> Touch:
+        if self.dynamic_friction > self.static_friction:
+            raise _fault(f"must be at most static_friction, {self.static_friction:g}", "dynamic_friction")
+        return self
+
+
+LOCKS = {2: ("x", "z", "angle"), 3: ("x", "y", "z", "turn_x", "turn_y", "turn_z")}
+
+
+class Body(Part):
+    """A rigid body, moved by the fluid, gravity and what it touches, or by a prescribed motion."""
+
+    name: Name = Field(description="Name of the body [-]; its record is bodies/NAME.csv.")
+    shape: Solid = Field(description="Its shape, as drawn [m].")
+    at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
+    angle: Real = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
+    density: Positive | None = Field(None, description="Density [kg/m3].")
+    mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
+    centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
+    inertia: Positive | None = Field(
+        None, description="Moment of inertia about the centre, in 2-D [kg m2/m]; that of the shape when absent."
+    )
+    velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
+    spin: Real | Triple | None = Field(
+        None,
+        description="Spin at the start or the release, counter-clockwise; in 3-D [wx, wy, wz] [rad/s]; none if absent.",
+    )
+    locked: tuple[Literal["x", "y", "z", "angle", "turn_x", "turn_y", "turn_z"], ...] = Field(
+        (), description="Ways in which it cannot move [-]: x, z and angle, in 3-D x, y, z, turn_x, turn_y and turn_z."
+    )
+    motion: BodyMotion | None = Field(None, description="A prescribed motion instead.")
+    hold: Switch = Field(False, description="Whether it is kept where it is until the release at t = 0 [-].")
+    contact: Touch = Field(Touch(), description="How it touches walls and other bodies.")
+    color: Annotated[str, Field(pattern=COLOR)] | None = Field(
+        None, description='Colour in pictures, as "#rrggbb" [-]; from a palette when absent.'
+    )
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> Body:
+        self._need_one_of("density", "mass")
+        if self.motion:
+            for name in ("velocity", "spin", "hold", "locked"):
+                if getattr(self, name):
+                    raise _fault("contradicts its prescribed motion", name)
+        return self
+
+
 class Gauge(Part):
     """A place where the level of the free surface is recorded."""
 
@@ -440,6 +557,7 @@ class Scene(Part):
     fluids: Annotated[tuple[Fluid, ...], Field(min_length=1)] = Field(
         description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
     )
+    bodies: tuple[Body, ...] = Field((), description="Rigid bodies.")
     gauges: tuple[Gauge, ...] = Field((), description="Wave gauges.")
     warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
     run: Run = Field(description="When to stop, and how far a step reaches.")
@@ -495,7 +613,7 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
         law = scene.wall_model.force
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
     yield from _misplaced(scene)
-    for kind in ("walls", "fluids", "gauges"):
+    for kind in ("walls", "fluids", "bodies", "gauges"):
         seen: dict[str, int] = {}
         for i, part in enumerate(getattr(scene, kind)):
             # Records are files named after the part, and some file systems do not tell A from a.
@@ -508,6 +626,23 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"fluids[{i}].material", f"no material named '{fluid.material}'{hint}"
         if fluid.fill and fluid.fill.above not in (names := [wall.name for wall in scene.walls]):
             yield f"fluids[{i}].fill.above", f"no wall named '{fluid.fill.above}'{nearest(fluid.fill.above, names)}"
+    for i, body in enumerate(scene.bodies):
+        yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
+
+
+def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
+    """(path, message) where a body is to move as it cannot."""
+    for i, lock in enumerate(body.locked):
+        if lock not in LOCKS[scene.dimensions]:
+            yield f"locked[{i}]", f"'{lock}' means nothing in a {scene.dimensions}-D scene"
+    shifts = dict(zip("xz" if scene.dimensions == 2 else "xyz", body.velocity or (), strict=False))
+    turns = {"angle": body.spin or 0.0}
+    if scene.dimensions == 3:
+        turns = dict(zip(("turn_x", "turn_y", "turn_z"), body.spin or (), strict=False))
+    for name, starts in {"velocity": shifts, "spin": turns}.items():
+        for way, value in starts.items():
+            if value and way in body.locked:
+                yield name, f"starts with {value:g} along '{way}', which is locked"
 
 
 def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -515,6 +650,7 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
     points: dict[str, tuple[float, ...] | None] = {}  # has as many numbers as the scene has dimensions
     spatial: dict[str, Any] = {}  # not in 2-D
     needed: dict[str, Any] = {}  # not in 2-D, and never absent in 3-D
+    plane: dict[str, Any] = {}  # not in 3-D
 
     def sort_out(path: str, part: Wall | Shape) -> None:
         if part.box:
@@ -532,6 +668,17 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
         if fluid.shape:
             sort_out(f"fluids[{i}].shape", fluid.shape)
             spatial[f"fluids[{i}].shape.sphere"] = fluid.shape.sphere
+    for i, body in enumerate(scene.bodies):
+        path = f"bodies[{i}]"
+        if body.shape.box:
+            points.update({f"{path}.shape.box.{end}": getattr(body.shape.box, end) for end in ("min", "max")})
+        points |= {f"{path}.{name}": getattr(body, name) for name in ("at", "centre", "velocity")}
+        if body.motion:
+            points |= {f"{path}.motion.{name}": getattr(body.motion, name) for name in ("shift", "pivot")}
+        spatial |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("sphere", "mesh")}
+        spatial[f"{path}.spin"] = body.spin if isinstance(body.spin, tuple) else None
+        plane |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("polygon", "disc", "path")}
+        plane |= {f"{path}.spin": None if isinstance(body.spin, tuple) else body.spin, f"{path}.inertia": body.inertia}
     needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
 
     numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
@@ -540,6 +687,10 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
             yield path, f"{numbers} are needed in a {scene.dimensions}-D scene, not {len(point)}"
     if scene.dimensions == 3:
         yield from ((path, "this field is missing, in a 3-D scene") for path, value in needed.items() if value is None)
+        for path, value in plane.items():
+            if value is not None:
+                words = "three numbers [wx, wy, wz] are needed" if path.endswith("spin") else "means nothing"
+                yield path, f"{words} in a 3-D scene{'' if path.endswith('spin') else '; it goes with dimensions: 2'}"
     else:
         for path, value in (spatial | needed).items():
             if value is not None:
@@ -566,6 +717,7 @@ def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
         raise source.error("", f"a scene is a mapping of fields, not {show(data)}")
     for override in overrides:
         apply_override(data, source, override)
+    _find_files(data, Path(path).parent)
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
@@ -576,6 +728,19 @@ def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
         raise source.error(*min(mistakes, key=lambda mistake: source.place(mistake[0])[0])) from None
     scene._source = source
     return scene
+
+
+def _find_files(data: dict[str, Any], folder: Path) -> None:
+    """Make the paths of files that a scene names absolute, so that the scene of the run folder finds them too."""
+    bodies = data.get("bodies")
+    for body in bodies if isinstance(bodies, list) else ():
+        shape = body.get("shape") if isinstance(body, dict) else None
+        for part in (
+            shape.get("mesh") if isinstance(shape, dict) else None,
+            isinstance(body, dict) and body.get("motion"),
+        ):
+            if isinstance(part, dict) and isinstance(part.get("file"), str):
+                part["file"] = str((folder / part["file"]).resolve())
 
 
 _NEEDS = {

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpsph.coupling import Coupling
 from warpsph.energy import Energy
 from warpsph.gauges import Gauges
 from warpsph.geometry import Placement, place
@@ -47,7 +48,8 @@ class Simulation:
         self.launcher = Launcher(device, threads)
         self.model = Model(scene, self.placement, self.launcher)
         self.state = State(self.model)
-        self.step = Step(self.model, self.state)
+        self.bodies = Coupling(self.model, self.state, self.placement) if scene.bodies else None
+        self.step = Step(self.model, self.state, self.bodies)
         self.gauges = Gauges(self.model, self.state, self.step.neighbours)
         self.energy = Energy(self.model, self.state)
         self.enter_phase()
@@ -77,6 +79,13 @@ class Simulation:
         self.model.parameters.mobility.assign([0.0 if holding else 1.0 for holding in held])
         if now == 0.0:
             self.state.work.zero_()  # the energy budget begins at the release
+            if self.bodies:
+                self.bodies.release()
+
+    def kept(self) -> dict[str, wp.array]:
+        """The arrays that a checkpoint keeps, by name."""
+        arrays = {name: getattr(self.state, name) for name in State.KEPT}
+        return arrays | (self.bodies.kept() if self.bodies else {})
 
     def advance(self, time: float) -> None:
         """Step until `time` [s], exactly.
@@ -109,6 +118,7 @@ class Forecast:
     particle_count: int
     counts: dict[str, int]  # particles of each fluid
     wall_count: int
+    body_points: int
     memory: int  # of all arrays [bytes]
     first_dt: float  # [s]
     steps: int
@@ -127,6 +137,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         particle_count=model.particle_count,
         counts={name: int(np.sum(placement.fluid == f)) for f, name in enumerate(model.fluid_names)},
         wall_count=len(placement.wall_position),
+        body_points=sum(len(solid.body.surface.points) for solid in placement.solids),
         memory=sum(array.capacity for array in arrays) + list_bytes(model),
         first_dt=first_dt,
         steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),

@@ -91,8 +91,9 @@ class State:
 
         self.block_count = -(-count // BLOCK_SIZE)
         self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
-        self.block_dt_limit = zeros(float, self.block_count)
-        self.block_fault_slot = zeros(int, self.block_count)
+        # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain.
+        self.block_dt_limit = array(np.full(self.block_count + 1, np.inf), float)
+        self.block_fault_slot = array(np.full(self.block_count + 1, -1), int)
 
         # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
         # what the lists allow.
@@ -101,7 +102,7 @@ class State:
         self.motion_upper = zeros(wp.vec3, self.cell_block_count)
         self.strain = zeros(float, self.cell_block_count)
         self.strain_block_count = -(-self.cell_block_count // BLOCK_SIZE)
-        self.block_strain = zeros(float, self.strain_block_count)
+        self.block_strain = zeros(float, self.strain_block_count + 1)
 
         # The clock, one entry each.
         run = model.scene.run

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from warpsph.coupling import Coupling
 from warpsph.kernels import density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
 from warpsph.launch import Launch
@@ -20,12 +21,13 @@ class Step:
         evaluations: Evaluations of the forces a step.
         sweeps: Sweeps over all pairs a step, each for one half of the rates.
         neighbours: The lists that the step reads.
+        bodies: The bodies in the fluid; None where there are none.
     """
 
     evaluations, sweeps = 1, 2
 
-    def __init__(self, model: Model, state: State) -> None:
-        self.model, self.state = model, state
+    def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
+        self.model, self.state, self.bodies = model, state, bodies
         self.neighbours = Neighbours(model, state)
         self.settling = False
         self._graph, self._graph_settles = None, False
@@ -35,7 +37,7 @@ class Step:
         self._aim = model.launcher.record(
             integrators.aim_clock, 1, [s.time, s.target, s.dt_limit, s.stale, s.fault, s.dt, s.running]
         )
-        self.neighbours.rebuild()
+        self._rebuild()
         self._record()
         self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
         self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
@@ -52,7 +54,7 @@ class Step:
         first = int(self.state.step.numpy()[0]) if most_steps else 0
         while self.state.dt.numpy()[0] > 0.0:
             if self.state.stale.numpy()[0]:
-                self._bind(self.neighbours.rebuild())
+                self._bind(self._rebuild())
                 self._aim()
             if most_steps is None and self._can_replay:
                 self._replay()
@@ -72,7 +74,11 @@ class Step:
     def resume(self) -> None:
         """Take up a state that was read from a checkpoint."""
         stale = bool(self.state.stale.numpy()[0])
-        self._bind(self.neighbours.relist())
+        grown = self.neighbours.relist()
+        if self.bodies:
+            self.bodies.set.move_points()()
+            grown |= self.bodies.relist()
+        self._bind(grown)
         self.state.stale.fill_(stale)
         self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
 
@@ -80,6 +86,10 @@ class Step:
         """Let the steps that follow end exactly at `time` [s]."""
         self.state.target.fill_(time)
         self._aim()
+
+    def _rebuild(self) -> bool:
+        grown = self.neighbours.rebuild()
+        return self.bodies.rebuild() or grown if self.bodies else grown
 
     def _bind(self, grown: bool) -> None:
         if grown:
@@ -96,17 +106,22 @@ class Step:
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
         # What does not wait for all particles is chained: threads that meet less often wait less.
+        bodies = self.bodies
         self.stages = {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
+            **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
             **self._gradients(),
-            # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls.
-            "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), self._walls()),
+            # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
+            "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), *self._walls()),
+            **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),  # the reaction
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
+            **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
             # Continuity and XSPH; density to n+1; how far particles have moved, the extremes of each block.
             "pair loop: continuity, density, watch": launcher.chain(
                 self._sweep(momentum=False), finish_density, self._bound_motion(), self._watch()
             ),
             "life of the lists": self._compare_motion(),
+            **({"limits by bodies": bodies.watch()} if bodies else {}),
             "clock": self._clock(),  # time and the next step
         }
 
@@ -143,14 +158,15 @@ class Step:
         packed = (s.position_volume, s.velocity_pressure, s.fluid)
         return {"pressure gradient": self._launch(kernel, *packed, n.count, n.list, s.pressure_gradient)}
 
-    def _walls(self) -> Launch:
+    def _walls(self) -> list[Launch]:
         s, m, n = self.state, self.model, self.neighbours
-        return self._launch(
+        at_rest = self._launch(
             walls.wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
             *(s.position_volume, s.velocity_pressure, s.fluid),
             *(m.wall_position, m.wall_velocity, m.wall_normal, m.wall_before, m.wall_after),
             *(n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
         )
+        return [at_rest, self.bodies.push_fluid()] if self.bodies else [at_rest]
 
     def _kick(self) -> Launch:
         s = self.state
@@ -193,6 +209,8 @@ class Step:
 
     def _clock(self) -> Launch:
         s, m = self.state, self.model
+        more = 1 if self.bodies else 0  # an entry of theirs
+        counts = s.block_count + more, s.strain_block_count + more
         largest = m.launcher.record(
             neighbours.largest_of_blocks,
             s.strain_block_count,
@@ -203,7 +221,7 @@ class Step:
             integrators.advance_clock,
             1,
             [
-                *(s.block_count, s.strain_block_count, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
+                *(*counts, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
                 *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
                 *(s.dt_limit, s.stale, s.running),
             ],

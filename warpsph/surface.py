@@ -190,9 +190,9 @@ class Crate:
     def area(self) -> float:
         """[m2]."""
         size = self.high - self.low
-        return sum(float(np.prod(np.delete(size, axis))) for axis, _ in self._sides())
+        return sum(float(np.prod(np.delete(size, axis))) for axis, _ in self.sides())
 
-    def _sides(self) -> list[tuple[int, int]]:
+    def sides(self) -> list[tuple[int, int]]:
         """Axis and end (0 low, 1 high) of each face that is there."""
         return [divmod(index, 2) for index, name in enumerate(FACES) if name not in self.open]
 
@@ -205,7 +205,7 @@ class Crate:
     def distance(self, points: Array) -> Array:
         """Distance from each of `points` to the wall [m], shape [n]."""
         gaps = []
-        for side in self._sides():
+        for side in self.sides():
             low, high = self._rectangle(*side)
             gaps.append(np.linalg.norm(points - np.clip(points, low, high), axis=1))
         return np.min(gaps, axis=0)
@@ -225,7 +225,7 @@ class Crate:
         """Points [n, 3] all over the places where water at `level` would run out, `spacing` [m] apart."""
         places = [np.empty((0, 3))]
         for axis, end in product(range(3), range(2)):
-            is_open = (axis, end) not in self._sides()
+            is_open = (axis, end) not in self.sides()
             low, high = self._rectangle(axis, end)
             if axis < 2:
                 # Through a side that is missing, or over the rim of one that is there.
@@ -238,13 +238,13 @@ class Crate:
 
     def is_upright(self, x: float, level: float) -> bool:
         """Whether an end face stands at `x`, with its foot below `level`."""
-        ends = [(self.low, self.high)[end][0] for axis, end in self._sides() if axis == 0]
+        ends = [(self.low, self.high)[end][0] for axis, end in self.sides() if axis == 0]
         return self.low[2] < level and any(abs(x - end) < 1e-9 for end in ends)
 
     def wet_side(self, sites: Array) -> int:
         """The side on which the fluid lies: 1 on the inner side of every face, -1 outside, 0 both."""
         inside = np.ones(len(sites), dtype=bool)
-        for axis, end in self._sides():
+        for axis, end in self.sides():
             inside &= (sites[:, axis] < self.high[axis]) if end else (sites[:, axis] > self.low[axis])
         share = inside.mean()
         return 1 if share > 0.98 else -1 if share < 0.02 else 0
@@ -255,7 +255,7 @@ class Crate:
         most = 0.49 * (self.high - self.low)
         low, high = self.low.copy(), self.high.copy()
         for axis, end in product(range(3), range(2)):
-            is_there = (axis, end) in self._sides()
+            is_there = (axis, end) in self.sides()
             outward = max(side * distance, -most[axis]) if is_there else distance
             (low, high)[end][axis] += outward if end else -outward
         return Crate(low, high, self.open)
@@ -269,7 +269,7 @@ class Crate:
         stations, shares = zip(*(divide(a, b, spacing) for a, b in zip(self.low, self.high, strict=True)), strict=True)
         count = np.array([len(axis) for axis in stations])
         sites, normals, areas = [], [], []
-        for axis, end in self._sides():
+        for axis, end in self.sides():
             ends = np.array([(0, count[axis] - 1)[end]])
             indices = [ends if other == axis else np.arange(count[other]) for other in range(3)]
             sites.append(np.stack(np.meshgrid(*indices, indexing="ij"), axis=-1).reshape(-1, 3))
@@ -291,12 +291,12 @@ class Crate:
 
     def lines(self) -> list[Array]:
         """What is drawn of it, seen from the side: its end faces, bottom and top, each of shape [2, 2] [m]."""
-        return [np.stack(self._rectangle(*side))[:, [0, 2]] for side in self._sides() if side[0] != 1]
+        return [np.stack(self._rectangle(*side))[:, [0, 2]] for side in self.sides() if side[0] != 1]
 
     def faces(self) -> Array:
         """Four-cornered faces [m], shape [k, 4, 3]."""
         faces = []
-        for axis, end in self._sides():
+        for axis, end in self.sides():
             low, high = self._rectangle(axis, end)
             along = np.delete(np.arange(3), axis)[0]
             a, b = low.copy(), high.copy()

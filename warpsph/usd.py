@@ -1,8 +1,9 @@
 """The USD point cache of a run: a small root file, and one file of particles per frame behind value clips.
 
-    usd/scene.usda                  what a renderer opens: /World, its fluids and walls, and the list of finished frames
+    usd/scene.usda                  what a renderer opens: /World, its fluids, walls, the list of finished frames, and
+                                    where each body is in them
     usd/manifest.usda               names the attributes that the frames hold
-    usd/static.usdc                 the walls
+    usd/static.usdc                 the walls, and the surfaces of bodies
     usd/frames/fluid.00000.usdc     one frame; it also opens by itself
 
 Every file is written under another name and then renamed, the root last. Whatever ends the run, the cache therefore
@@ -13,7 +14,8 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 CLIP_SET = "frames"
 FLUID_SCOPE = "/World/Fluid"
 WALL_SCOPE = "/World/Walls"
+BODY_SCOPE = "/World/Bodies"
 
 # What changes from frame to frame, and so lives in the clips alone: a value in the root would hide them.
 CLIPPED_ATTRIBUTES = {
@@ -41,6 +44,25 @@ CLIPPED_PRIMVARS = {
     "density": (Sdf.ValueTypeNames.FloatArray, "Density [kg/m3]."),
     "id": (Sdf.ValueTypeNames.IntArray, "ids, in the type that renderers read as a primvar."),
 }
+
+
+@dataclass(frozen=True)
+class DrawnBody:
+    """A rigid body as it is drawn.
+
+    Attributes:
+        corners: About its centre [m], shape [n, 3].
+        faces: Indices into `corners` around each face, counter-clockwise from outside; one, the outline, in 2-D.
+        color: `#rrggbb`.
+    """
+
+    corners: np.ndarray
+    faces: list[list[int]]
+    color: str
+
+
+# Position of the centre [m], shape [3], and orientation as a quaternion [x, y, z, w].
+Place = tuple[np.ndarray, np.ndarray]
 
 
 def _publish(layer: Sdf.Layer, path: Path) -> None:
@@ -91,6 +113,18 @@ def _loose_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points, np.arange(len(points), dtype=np.int32).reshape(-1, 4)
 
 
+def _slab(corners: np.ndarray, half_width: float) -> tuple[np.ndarray, list[list[int]]]:
+    """Points and faces of what an outline encloses, counter-clockwise, shape [n, 3], widened along y."""
+    count = len(corners)
+    reach = np.array([0.0, half_width, 0.0])
+    sides = [[i, (i + 1) % count, count + (i + 1) % count, count + i] for i in range(count)]
+    return np.concatenate([corners - reach, corners + reach]), [
+        list(range(count)),
+        list(range(2 * count - 1, count - 1, -1)),
+        *(side[::-1] for side in sides),
+    ]
+
+
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     """Provenance in the types that layer data holds: what USD has no type for becomes text."""
     return {
@@ -111,6 +145,7 @@ class UsdCache:
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
         walls: Name of each wall and its outline in the x-z plane [m], shape [corner_count, 2]; a closed outline ends
             where it starts. In 3-D its four-cornered faces [m], shape [face_count, 4, 3].
+        bodies: Name of each rigid body and what is drawn of it.
         spacing: Particle spacing [m], drawn as the diameter of a particle.
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
         provenance: What made the run, kept in the root file; nested mappings and plain values.
@@ -128,6 +163,7 @@ class UsdCache:
         *,
         fluids: Mapping[str, str],
         walls: Mapping[str, np.ndarray],
+        bodies: Mapping[str, DrawnBody] | None = None,
         spacing: float,
         frames_per_second: float,
         provenance: Mapping[str, Any] | None = None,
@@ -137,6 +173,7 @@ class UsdCache:
         self.root = self.folder / "scene.usda"
         self.frame_count = resume_at or 0
         self._fluids = dict(zip(_prim_names(fluids), fluids.items(), strict=True))
+        self._bodies = dict(zip(_prim_names(bodies or {}), (bodies or {}).items(), strict=True))
         self._spacing = spacing
         self._frames_per_second = frames_per_second
         self._provenance = dict(provenance or {})
@@ -148,6 +185,8 @@ class UsdCache:
             raise FileExistsError(errno.EEXIST, "holds the USD cache of an earlier run", str(self.folder))
         frames.mkdir(parents=True, exist_ok=True)
         self._root_layer = self._make_root_layer()
+        if self.frame_count and self._bodies:
+            self._recall_places()
         # The root forgets the stale frames before they go, so that it never names a file that is not there.
         if self.frame_count:
             self._write_root()
@@ -161,11 +200,12 @@ class UsdCache:
         _publish(static.GetRootLayer(), self.folder / "static.usdc")
         _publish(manifest.GetRootLayer(), self.folder / "manifest.usda")
 
-    def write(self, snapshot: Snapshot) -> Path:
+    def write(self, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
         """Write the next frame, then the root that names it.
 
         Args:
             snapshot: The fluid at the frame's instant, in id order.
+            places: Where each body is.
 
         Returns:
             Path of the frame's file.
@@ -187,6 +227,11 @@ class UsdCache:
         path = self._frame_path(frame)
         _publish(layer, path)
         self.frame_count = frame + 1
+        for prim_name, (x, q) in zip(self._bodies, places, strict=True):
+            x, q = x.tolist(), q.tolist()
+            self._root_layer.SetTimeSample(f"{BODY_SCOPE}/{prim_name}.xformOp:translate", frame, Gf.Vec3d(*x))
+            turn = Gf.Quatf(q[3], *q[:3])
+            self._root_layer.SetTimeSample(f"{BODY_SCOPE}/{prim_name}.xformOp:orient", frame, turn)
         self._write_root()
         return path
 
@@ -255,18 +300,44 @@ class UsdCache:
             mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
             mesh.CreateDoubleSidedAttr(True)
             mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+        for prim_name, (name, body) in self._bodies.items():
+            UsdGeom.Xform.Define(stage, f"{BODY_SCOPE}/{prim_name}").GetPrim().SetDisplayName(name)
+            mesh = UsdGeom.Mesh.Define(stage, f"{BODY_SCOPE}/{prim_name}/Surface")
+            points, faces = _slab(body.corners, self._spacing) if len(body.faces) == 1 else (body.corners, body.faces)
+            mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
+            mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
+            mesh.CreateFaceVertexIndicesAttr([corner for face in faces for corner in face])
+            mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
+            mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+            mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(body.color)])
         return stage
 
     def _make_root_layer(self) -> Sdf.Layer:
         """The root without its frames; a layer off any stage, which would look for the other files at once."""
         stage = self._declare_fluids()
         self._set_appearance(stage)
+        if self._bodies:
+            UsdGeom.Scope.Define(stage, BODY_SCOPE)
+        for prim_name in self._bodies:
+            xform = UsdGeom.Xform.Define(stage, f"{BODY_SCOPE}/{prim_name}")
+            xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
+            xform.AddOrientOp(UsdGeom.XformOp.PrecisionFloat)
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.TransferContent(stage.GetRootLayer())
         layer.customLayerData = _plain(self._provenance)
         layer.startTimeCode = 0
         layer.subLayerPaths.append("./static.usdc")
         return layer
+
+    def _recall_places(self) -> None:
+        """Take the places of bodies in the frames that are kept from the root that is there."""
+        old = Sdf.Layer.OpenAsAnonymous(str(self.root))
+        for prim_name in self._bodies:
+            for operation in ("translate", "orient"):
+                path = f"{BODY_SCOPE}/{prim_name}.xformOp:{operation}"
+                for frame in old.ListTimeSamplesForPath(path):
+                    if frame < self.frame_count:
+                        self._root_layer.SetTimeSample(path, frame, old.QueryTimeSample(path, frame))
 
     def _write_root(self) -> None:
         """Name the finished frames in the root."""

@@ -20,6 +20,7 @@ from warpsph.kernels.laminar import (
     stress_acceleration_kernel,
     velocity_gradient_kernel,
 )
+from warpsph.kernels.loads import reaction_kernel
 from warpsph.kernels.neighbours import gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
@@ -47,6 +48,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_kernel: [(True,), (False,)],
     pressure_gradient_kernel: [(name,) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
+    reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
     renormalisation_kernel: [(name,) for name in SMOOTHING],

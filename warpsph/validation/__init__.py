@@ -8,6 +8,7 @@ from typing import Any
 
 from warpsph.run import DONE, Run
 from warpsph.scene import load_scene
+from warpsph.validation.bodies import measure_block, measure_floating_box, measure_sinking_disc
 from warpsph.validation.landslide import measure_landslide
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
@@ -27,6 +28,9 @@ CASES: Mapping[str, Case] = {
     "landslide": Case("fragmented slide into 0.15 m of water (calibrated here)", measure_landslide),
     "landslide_0175": Case("the same slide into 0.175 m of water (predicted)", measure_landslide),
     "landslide_0200": Case("the same slide into 0.20 m of water (predicted)", measure_landslide),
+    "sinking_disc": Case("a disc sinks: momentum of fluid and body", measure_sinking_disc),
+    "floating_box": Case("a box floats: Archimedes, and the heave", measure_floating_box),
+    "block_maciel": Case("a block slides into 0.20 m of water", measure_block),
 }
 
 

@@ -1,0 +1,290 @@
+"""The bodies of a scene: from what is drawn to rigid bodies in their places, and refusals of those that cannot be.
+
+Everything here happens once, on the host. Points are [x, y, z], with y = 0 in a 2-D scene, whose bodies are slices 1 m
+wide. In the scene and the records angles, spins and torques of a 2-D body are counter-clockwise as one looks at the
+x-z plane, which is from z to x, negative about y.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpsph import scene as fields
+from warpsph.bodies import ContactLeg, ContactPoints, contact_depth, contact_legs, contact_points, plane_leg
+from warpsph.mesh import Mesh, box_mesh, read_mesh, solid_mass, sphere_mesh, surface_of_mesh, winding_number
+from warpsph.motion import Motion, Table, read_table
+from warpsph.outline import Array, Bend, Line, Outline, closed_outline, path_legs
+from warpsph.rigid import Body, Surface, counter_clockwise, plane_mass, surface_of_outline
+from warpsph.scene import Scene
+from warpsph.surface import Crate, Sheet, in_plane, in_space
+
+# A corner typed to five digits still rests on the slope that it was computed for. In spacings.
+TOUCH_SLACK = 1e-2
+# Ways in which a body can be locked, by axis.
+_SHIFTS, _TURNS = ("x", "y", "z"), ("turn_x", "turn_y", "turn_z")
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A body in its place at the start.
+
+    Attributes:
+        body: Its mass, motion and contact; the points of its surface stand back from what is drawn, as those of walls.
+        drawn: What is drawn of it, in 2-D.
+        mesh: The same in 3-D.
+        samples: Points all over what is drawn, a spacing apart [m], shape [n, 3].
+    """
+
+    body: Body
+    drawn: Sheet | None
+    mesh: Mesh | None
+    samples: Array
+
+    closed = True  # it has an inside, as a closed wall has
+
+    def contains(self, points: Array) -> NDArray[np.bool_]:
+        """Whether each of `points` lies inside, shape [n]."""
+        if self.drawn is not None:
+            return self.drawn.contains(points)
+        inside = np.all((points > self.mesh.vertices.min(axis=0)) & (points < self.mesh.vertices.max(axis=0)), axis=1)
+        inside[inside] = winding_number(self.mesh, points[inside]) > 0.5
+        return inside
+
+    def distance(self, points: Array) -> Array:
+        """Distance from each of `points` to the surface [m], shape [n]; in 3-D to its nearest sample."""
+        if self.drawn is not None:
+            return self.drawn.distance(points)
+        gaps = np.empty(len(points))
+        for first in range(0, len(points), 2000):
+            some = slice(first, first + 2000)
+            gaps[some] = np.sqrt(((points[some, None] - self.samples) ** 2).sum(axis=2).min(axis=1))
+        return gaps
+
+    def corners(self) -> tuple[Array, list[list[int]]]:
+        """What is drawn: corners about the centre of mass [m], shape [n, 3], and the faces between them.
+
+        In 2-D there is one face, the outline.
+        """
+        if self.mesh is not None:
+            return self.mesh.vertices - self.body.mass.centre, self.mesh.triangles.tolist()
+        border = self.drawn.outline.polygon()
+        kept = np.linalg.norm(border - np.roll(border, 1, axis=0), axis=1) > 1e-12  # a corner is the end of two legs
+        corners = in_space(border[kept]) - self.body.mass.centre
+        return corners, [list(range(len(corners)))]
+
+
+def place_bodies(scene: Scene, walls: Sequence[Sheet | Crate]) -> list[Solid]:
+    """The bodies of `scene` where it puts them, `walls` being its walls.
+
+    Raises SceneError for a body that is impossible, in a wall, or in another body.
+    """
+    solids: list[Solid] = []
+    for i, body in enumerate(scene.bodies):
+        path = f"bodies[{i}]"
+        solid = _solid(scene, path, body)
+        for wall, one in zip(scene.walls, walls, strict=True):
+            points = one.sample(scene.wall_spacing)[0]
+            if (spot := _overlap(scene, solid, points)) is not None:
+                raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {_spot(scene, spot)}")
+        for other, earlier in zip(scene.bodies, solids, strict=False):
+            spot = _overlap(scene, solid, earlier.samples)
+            spot = _overlap(scene, earlier, solid.samples) if spot is None else spot
+            if spot is not None:
+                raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {_spot(scene, spot)}")
+        solids.append(solid)
+    return solids
+
+
+def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet | Crate], sides: Sequence[int]) -> None:
+    """Raises SceneError for a body that lies behind a wall; `sides` are those of the walls on which the fluid is."""
+    for wall, one, side in zip(scene.walls, walls, sides, strict=True):
+        points, normals, _ = one.sample(scene.wall_spacing)
+        for i, solid in enumerate(solids):
+            if side and _is_behind(solid.body.mass.centre, points, side * normals):
+                raise scene.error(f"bodies[{i}]", f"lies behind wall '{wall.name}'")
+
+
+def contact_of_walls(
+    scene: Scene, walls: Sequence[Sheet | Crate], sides: Sequence[int]
+) -> tuple[list[ContactLeg], list[ContactPoints]]:
+    """The walls as contact sees them: as drawn, and free where the fluid is."""
+    legs: list[ContactLeg] = []
+    points: list[ContactPoints] = []
+    depth = contact_depth(scene.smoothing_length)
+    for wall, side in zip(walls, sides, strict=True):
+        if isinstance(wall, Crate):
+            for axis, end in wall.sides():
+                inward = np.eye(3)[axis] * (1 - 2 * end) * (side or 1)
+                legs.append(plane_leg((wall.low, wall.high)[end], inward))
+            continue
+        width = max(map(abs, wall.width)) if wall.width else 0.0
+        for way in (side,) if side else (1, -1):
+            legs += contact_legs(wall.outline, way, depth, width)
+            points.append(contact_points(wall.outline, way))
+    return legs, points
+
+
+def moved_outline(outline: Outline, angle: float, shift: Array) -> Outline:
+    """The same outline turned counter-clockwise about the origin by `angle` [rad], then moved by `shift` [m]."""
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, s], [-s, c]])
+    return Outline(
+        tuple(
+            Line(leg.start @ turn + shift, leg.end @ turn + shift)
+            if isinstance(leg, Line)
+            else Bend(leg.center @ turn + shift, leg.radius, leg.start + angle, leg.turn)
+            for leg in outline.legs
+        ),
+        outline.closed,
+    )
+
+
+def _solid(scene: Scene, path: str, body: fields.Body) -> Solid:
+    """One body in its place."""
+    set_back, angle = scene.wall_model.set_back * scene.spacing, math.radians(body.angle)
+    at = np.array(body.at or [0.0] * scene.dimensions)
+    given = {"density": body.density, "mass": body.mass}
+    try:
+        if scene.dimensions == 2:
+            outline = counter_clockwise(moved_outline(_outline(scene, path, body.shape), angle, at))
+            centre = None if body.centre is None else _turned(np.array([body.centre]), angle)[0] + at
+            mass = plane_mass(outline, **given, centre=centre, inertia=body.inertia)
+            surface = surface_of_outline(_stood_back(outline, set_back), scene.wall_spacing)
+            drawn, mesh, samples = Sheet(outline), None, in_space(outline.sample(scene.wall_spacing)[0])
+        else:
+            outline, drawn = None, None
+            mesh = _mesh(scene, body.shape, angle, at)
+            centre = None if body.centre is None else _turned_in_space(np.array([body.centre]), angle)[0] + at
+            mass = solid_mass(mesh, **given, centre=centre)
+            surface = surface_of_mesh(mesh, scene.wall_spacing)
+            samples = surface.points
+            back = surface.points - set_back * surface.normals
+            surface = Surface(back, surface.normals, surface.shares, surface.before, surface.after)
+        free_shift, free_turn = _freedom(scene, body)
+        return Solid(
+            Body(
+                body.name,
+                mass,
+                surface,
+                outline,
+                velocity=_in_space(body.velocity),
+                spin=body.spin if isinstance(body.spin, tuple) else (0.0, -(body.spin or 0.0), 0.0),
+                free_shift=free_shift,
+                free_turn=free_turn,
+                motion=_motion(scene, path, body.motion) if body.motion else None,
+                release=0.0 if body.hold else -math.inf,
+                restitution=body.contact.restitution,
+                static_friction=body.contact.static_friction,
+                dynamic_friction=body.contact.dynamic_friction,
+            ),
+            drawn,
+            mesh,
+            samples,
+        )
+    except ValueError as error:
+        raise scene.error(f"{path}.shape", str(error)) from None
+
+
+def _outline(scene: Scene, path: str, shape: fields.Solid) -> Outline:
+    if shape.path:
+        return Outline(path_legs(scene, f"{path}.shape.path", shape.path, closed=True), closed=True)
+    return closed_outline(shape)
+
+
+def _stood_back(outline: Outline, distance: float) -> Outline:
+    """The outline of the points that push the fluid, `distance` [m] inside of what is drawn."""
+    back = outline.shifted(distance)
+    for before, after in zip(outline.legs, back.legs, strict=True):
+        if isinstance(before, Line):
+            is_turned = (after.end - after.start) @ (before.end - before.start) <= 0.0
+        else:
+            is_turned = before.turn > 0.0 and before.radius <= distance
+        if is_turned:
+            x, z = 0.5 * (before.points(np.zeros(1)) + before.points(np.ones(1)))[0]
+            raise ValueError(
+                f"it is too thin or too small at x = {x:.4g} m, z = {z:.4g} m: "
+                f"the points that push the fluid stand {distance:.3g} m inside of it"
+            )
+    return back
+
+
+def _mesh(scene: Scene, shape: fields.Solid, angle: float, at: Array) -> Mesh:
+    if shape.box:
+        mesh = box_mesh(shape.box.min, shape.box.max)
+    elif shape.sphere:
+        mesh = sphere_mesh(shape.sphere.center, shape.sphere.radius)
+    else:
+        mesh = read_mesh(shape.mesh.file, shape.mesh.scale)
+    return Mesh(_turned_in_space(mesh.vertices, angle) + at, mesh.triangles)
+
+
+def _motion(scene: Scene, path: str, motion: fields.BodyMotion) -> Motion:
+    table = None
+    if motion.file:
+        try:
+            rows = read_table(motion.file)
+        except ValueError as error:
+            raise scene.error(f"{path}.motion.file", str(error)) from None
+        table = Table(rows.time, rows.shift, -rows.angle)
+    return Motion(
+        motion.kind,
+        direction=_in_space(motion.shift),
+        turn=-math.radians(motion.turn),
+        pivot=None if motion.pivot is None else _in_space(motion.pivot),
+        begin=motion.begin,
+        period=motion.period or 1.0,
+        phase=math.radians(motion.phase),
+        table=table,
+    )
+
+
+def _freedom(scene: Scene, body: fields.Body) -> tuple[Array, Array]:
+    """1 for each axis along which and about which the body is free."""
+    in_plane_only = scene.dimensions == 2
+    shifts = [float(way not in body.locked and not (in_plane_only and way == "y")) for way in _SHIFTS]
+    turns = [float(way not in body.locked and not in_plane_only) for way in _TURNS]
+    if in_plane_only:
+        turns[1] = float("angle" not in body.locked)
+    return np.array(shifts), np.array(turns)
+
+
+def _overlap(scene: Scene, solid: Solid, points: Array) -> Array | None:
+    """The first of `points` that lies in `solid`, and not just on its surface; None where there is none."""
+    inside = points[solid.contains(points)]
+    deep = inside[solid.distance(inside) > TOUCH_SLACK * scene.spacing] if len(inside) else inside
+    return deep[0] if len(deep) else None
+
+
+def _is_behind(centre: Array, points: Array, normals: Array) -> bool:
+    """Whether the wall point that is nearest to `centre` has it straight behind."""
+    arm = centre - points[np.argmin(((points - centre) ** 2).sum(axis=1))]
+    nearest = normals[np.argmin(((points - centre) ** 2).sum(axis=1))]
+    return bool(arm @ nearest < -0.7 * np.linalg.norm(arm))
+
+
+def _in_space(vector: Sequence[float] | None) -> Array:
+    if vector is None:
+        return np.zeros(3)
+    return np.array(vector) if len(vector) == 3 else np.array([vector[0], 0.0, vector[1]])
+
+
+def _turned(points: Array, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def _turned_in_space(points: Array, angle: float) -> Array:
+    turned = points.copy()
+    turned[:, [0, 2]] = _turned(in_plane(points), angle)
+    return turned
+
+
+def _spot(scene: Scene, point: Array) -> str:
+    """Where a point is, in words."""
+    axes = "xz" if scene.dimensions == 2 else "xyz"
+    return ", ".join(f"{axis} = {point['xyz'.index(axis)]:.4g} m" for axis in axes)
