@@ -129,7 +129,14 @@ def measure_block(run: Run) -> list[Result]:
             passed=waves[1].fit.r2 > 0.98,
             source="Boussinesq (1872)",
         ),
-        Result("energy of the wave over that of the block", "", share, None, source="1 to 14 %: Nascimento (2001)"),
+        Result(
+            "energy of the wave over that of the block",
+            "",
+            share,
+            None,
+            passed=0.01 <= share <= 0.14,
+            source="between 1 and 14 %: Nascimento (2001)",
+        ),
         at_most("particles in the block", "", int(simulation.bodies.holds(position).sum()), 0, "no leak"),
         Result("block from the wall", "m", gap, None, passed=gap < 0.2, source="it stays in the flume"),
     ]
