@@ -144,7 +144,7 @@ def mark_walls(
     grid: CellGrid,
     cells: int,
     wall_start: wp.array[int],
-    near_wall_out: wp.array[int],
+    near_wall_out: wp.array[wp.uint8],
 ):
     """Whether there are wall points in a cell or within so many `cells` of it: most particles need not look for any."""
     i = first + wp.tid()
@@ -158,7 +158,7 @@ def mark_walls(
             begin = (kz * grid.count[1] + ky) * grid.count[0]
             low, high = wp.max(x - cells, 0), wp.min(x + cells, grid.count[0] - 1)
             found += wall_start[begin + high + 1] - wall_start[begin + low]
-    near_wall_out[i] = wp.min(found, 1)
+    near_wall_out[i] = wp.uint8(wp.min(found, 1))
 
 
 @wp.kernel(enable_backward=False)
@@ -166,7 +166,7 @@ def count_wall_points(
     first: int,
     grid: CellGrid,
     radius: float,
-    near_wall: wp.array[int],
+    near_wall: wp.array[wp.uint8],
     wall_start: wp.array[int],
     cell: wp.array[int],
     position: wp.array[wp.vec3],
@@ -176,7 +176,7 @@ def count_wall_points(
     """How many wall points lie within `radius` [m] of each particle."""
     i = first + wp.tid()
     count = int(0)
-    if near_wall[cell[i]] > 0:
+    if near_wall[cell[i]] > wp.uint8(0):
         x_i = position[i]
         low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
         for kz in range(low[2], high[2] + 1):

@@ -22,7 +22,7 @@ SKIN = 0.1
 # reach; few particles pay for it.
 WALL_SKIN = 0.4
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
-ROOM = 1.2
+ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
 LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
 
@@ -94,7 +94,7 @@ class Model:
         self.wall_velocity = wp.zeros_like(self.wall_position)
         self.wall_start = cells.start
         self.wall_block = wp.array(blocks_in_use(self.grid, cells.start.numpy()), dtype=int, device=device)
-        self.near_wall = wp.zeros(len(cells.start) - 1, dtype=int, device=device)
+        self.near_wall = wp.zeros(len(cells.start) - 1, dtype=wp.uint8, device=device)
         reach = math.ceil(self.wall_radius * self.grid.inverse_edge)
         launcher.run(mark_walls, len(self.near_wall), [self.grid, reach, self.wall_start, self.near_wall])
 
@@ -158,15 +158,13 @@ class Model:
 def extent(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
     """Where most of the fluid will be [m], each of shape [3]: the cells' box.
 
-    It holds walls and fluid, and room above for what splashes up; a scene without walls gets room on every side.
+    It holds walls and fluid, and what splashes higher counts to the uppermost; a scene without walls gets room on every
+    side.
     """
     points = np.concatenate([placement.wall_position, placement.position])
     lower, upper = points.min(axis=0), points.max(axis=0)
-    room = 0.5 * (upper - lower)
-    if not len(placement.wall_position):
-        return lower - room, upper + room
-    upper[2] += 0.5 * room[2]
-    return lower, upper
+    room = 0.0 if len(placement.wall_position) else 0.5 * (upper - lower)
+    return lower - room, upper + room
 
 
 def blocks_in_use(grid: CellGrid, start: np.ndarray) -> np.ndarray:

@@ -15,9 +15,7 @@ from warpsph.state import State
 def list_bytes(model: Model) -> int:
     """Memory of the lists, and of the cells of particles and walls [bytes]."""
     row = 4 * (1 + model.parameters.list_capacity) + 4  # counts and entries; wall points
-    return (
-        model.particle_count * (row + 4 * 4 + 24) + 3 * 4 * math.prod(model.grid.count) + model.wall_position.capacity
-    )
+    return model.particle_count * (row + 4 * 4 + 24) + 9 * math.prod(model.grid.count) + model.wall_position.capacity
 
 
 class Neighbours:

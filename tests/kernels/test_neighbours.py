@@ -132,7 +132,7 @@ def test_what_is_outside_the_cells_is_listed_too(listed):
 def test_a_cloud_so_wide_that_cells_are(listed):
     x = np.concatenate([cloud(800, (-200.0, -30.0), (200.0, 30.0)), cloud(400, (-130.0, 0.0), (130.0, 0.2))])
     made = listed(x)
-    assert 1.0 / made.model.grid.inverse_edge > 2.0 * REACH
+    assert 1.0 / made.model.grid.inverse_edge > 1.5 * REACH  # half of it where there is room
     assert_lists(made.pairs(), x, x)
 
 
