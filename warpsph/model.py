@@ -19,8 +19,8 @@ from warpsph.scene import Material, Scene
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
 SKIN = 0.1
 # The same for wall points. They stand still, so that lists outlive some steps of flow along a wall only with a longer
-# reach; few particles pay for it.
-WALL_SKIN = 0.4
+# reach; few particles pay for it in a plane, more in space, where walls are surfaces.
+WALL_SKIN = {2: 0.4, 3: 0.15}
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
 ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
@@ -65,7 +65,7 @@ class Model:
         self.support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
         self.skin = SKIN * self.support
         self.list_radius = self.support + self.skin
-        self.wall_skin = WALL_SKIN * self.support
+        self.wall_skin = WALL_SKIN[scene.dimensions] * self.support
         self.wall_radius = self.support + self.wall_skin
 
         self.formulas = Formulas(

@@ -1,6 +1,5 @@
 """Neighbours on the host's side: sorts the particles by cell and builds the lists of a state."""
 
-import math
 from collections.abc import Callable
 
 import warp as wp
@@ -10,12 +9,6 @@ from warpsph.kernels import neighbours as kernels
 from warpsph.launch import Launch, alias
 from warpsph.model import Model
 from warpsph.state import State
-
-
-def list_bytes(model: Model) -> int:
-    """Memory of the lists, and of the cells of particles and walls [bytes]."""
-    row = 4 * (1 + model.parameters.list_capacity) + 4  # counts and entries; wall points
-    return model.particle_count * (row + 4 * 4 + 24) + 9 * math.prod(model.grid.count) + model.wall_position.capacity
 
 
 class Neighbours:

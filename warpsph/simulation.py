@@ -13,7 +13,7 @@ from warpsph.geometry import Placement, place
 from warpsph.kernels import integrators
 from warpsph.launch import Launcher
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
-from warpsph.neighbours import list_bytes
+from warpsph.neighbours import Neighbours
 from warpsph.scene import Scene
 from warpsph.state import State
 from warpsph.step import Step
@@ -126,11 +126,14 @@ class Forecast:
 
 
 def forecast(scene: Scene, launcher: Launcher) -> Forecast:
-    """Place the particles and allocate their arrays, but take no step. Raises SceneError."""
+    """Place the particles and list their neighbours, but take no step. Raises SceneError."""
     placement = place(scene)
     model = Model(scene, placement, launcher)
     state = State(model)
-    arrays = [array for array in vars(state).values() if isinstance(array, wp.array) and array.deleter]
+    neighbours = Neighbours(model, state)
+    neighbours.rebuild()
+    owners = (model, state, neighbours, neighbours.cells)
+    arrays = [array for owner in owners for array in vars(owner).values() if isinstance(array, wp.array)]
     speed = float(np.linalg.norm(placement.velocity, axis=1).max())
     first_dt = scene.run.courant * scene.smoothing_length / (float(model.parameters.sound_speed.numpy().max()) + speed)
     return Forecast(
@@ -138,7 +141,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         counts={name: int(np.sum(placement.fluid == f)) for f, name in enumerate(model.fluid_names)},
         wall_count=len(placement.wall_position),
         body_points=sum(len(solid.body.surface.points) for solid in placement.solids),
-        memory=sum(array.capacity for array in arrays) + list_bytes(model),
+        memory=sum(array.capacity for array in arrays if array.deleter),
         first_dt=first_dt,
         steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),
         warnings=placement.warnings,
