@@ -46,6 +46,14 @@ def cell_at(grid: CellGrid, x: wp.vec3) -> wp.vec3i:
     )
 
 
+@wp.func
+def place_of(number: int, count: wp.vec3i) -> wp.vec3i:
+    """Place in its row, row and layer of a cell or block by its number; `count` of them lie along each axis."""
+    row = number / count[0]
+    layer = row / count[1]
+    return wp.vec3i(number - row * count[0], row - layer * count[1], layer)
+
+
 @wp.kernel(enable_backward=False)
 def round_position(first: int, position: wp.array[wp.vec3d], rounded_out: wp.array[wp.vec3]):
     """Position rounded to single precision, for the cells and as the place from which motion is measured [m]."""
@@ -148,10 +156,8 @@ def mark_walls(
 ):
     """Whether there are wall points in a cell or within so many `cells` of it: most particles need not look for any."""
     i = first + wp.tid()
-    row = i / grid.count[0]
-    x = i - row * grid.count[0]
-    z = row / grid.count[1]
-    y = row - z * grid.count[1]
+    place = place_of(i, grid.count)
+    x, y, z = place[0], place[1], place[2]
     found = int(0)
     for kz in range(wp.max(z - cells, 0), wp.min(z + cells + 1, grid.count[2])):
         for ky in range(wp.max(y - cells, 0), wp.min(y + cells + 1, grid.count[1])):
@@ -235,10 +241,8 @@ def bound_motion(
     An empty block has its lower bound above the upper one.
     """
     block = first + wp.tid()
-    row = block / grid.blocks[0]
-    bx = block - row * grid.blocks[0]
-    bz = row / grid.blocks[1]
-    by = row - bz * grid.blocks[1]
+    place = place_of(block, grid.blocks)
+    bx, by, bz = place[0], place[1], place[2]
     step = lookahead * dt[0]
     lower, upper = wp.vec3(wp.inf), wp.vec3(-wp.inf)
     for z in range(bz * BLOCK_EDGE, wp.min((bz + 1) * BLOCK_EDGE, grid.count[2])):
@@ -276,10 +280,8 @@ def compare_motion(
     it passes a wall: that stands still, and is listed with a skin of its own.
     """
     block = first + wp.tid()
-    row = block / grid.blocks[0]
-    bx = block - row * grid.blocks[0]
-    bz = row / grid.blocks[1]
-    by = row - bz * grid.blocks[1]
+    place = place_of(block, grid.blocks)
+    bx, by, bz = place[0], place[1], place[2]
     least, most = wp.vec3(lower[block]), wp.vec3(upper[block])
     strain = float(0.0)
     if least[0] <= most[0]:

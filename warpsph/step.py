@@ -101,12 +101,11 @@ class Step:
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
-        launcher = self.model.launcher
+        launcher, bodies = self.model.launcher, self.bodies
         finish_density = launcher.record(
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
         # What does not wait for all particles is chained: threads that meet less often wait less.
-        bodies = self.bodies
         self.stages = {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
@@ -127,9 +126,9 @@ class Step:
 
     # ---------------------------------------------------------------------------------------------------- the launches
 
-    def _launch(self, kernel: wp.Kernel, *arguments: object, count: int | None = None) -> Launch:
+    def _launch(self, kernel: wp.Kernel, *arguments: object) -> Launch:
         m = self.model
-        return m.launcher.record(kernel, m.particle_count if count is None else count, [m.parameters, *arguments])
+        return m.launcher.record(kernel, m.particle_count, [m.parameters, *arguments])
 
     def _drift_half(self) -> Launch:
         s = self.state
