@@ -43,6 +43,7 @@ class State:
 
     Position and density are integrated in double precision; the pair loops read them rounded, packed as
     (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads. In a plane v, which is 0, makes room for x.
+    Ghosts, if there are any, stand behind the particles.
     """
 
     # A particle's own history: permuted when slots are sorted.
@@ -64,7 +65,8 @@ class State:
             return wp.array(values, dtype=dtype, device=device)
 
         self.id = array(np.arange(count), int)
-        self.fluid = array(model.initial_fluid, int)
+        self.fluid_and_ghosts = array(model.initial_fluid, int)
+        self.fluid = self.fluid_and_ghosts
         self.position = array(model.initial_position, wp.vec3d)  # [m]
         self.velocity = array(model.initial_velocity, wp.vec3)  # [m/s]
         self.density = array(model.initial_density, wp.float64)  # [kg/m3]
@@ -76,8 +78,7 @@ class State:
         self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
 
         # Within a step.
-        self.packed = zeros(wp.vec4, 2 * count)
-        self.position_volume, self.velocity_pressure = self.packed[:count], self.packed[count:]
+        self._pack(0)
         self.pressure_acceleration = zeros(wp.vec3)  # [m/s2]
         self.dissipative_acceleration = zeros(wp.vec3)
         self.wall_acceleration = zeros(wp.vec3)
@@ -117,6 +118,22 @@ class State:
         self.damping = zeros(float, 1)  # [1/s]
         self.fault = zeros(int, 1)  # what is wrong with the first absurd particle
         self.fault_slot = zeros(int, 1)
+
+    def _pack(self, room: int) -> None:
+        length = self.model.particle_count + room
+        self.packed = wp.zeros(2 * length, dtype=wp.vec4, device=self.model.launcher.device)
+        self.position_volume, self.velocity_pressure = self.packed[:length], self.packed[length:]
+
+    def make_room(self, room: int) -> None:
+        """Room for so many ghosts behind the particles; launches that were bound to the arrays must be recorded anew.
+
+        What the arrays of the pair loop held is lost but for the fluids of the particles.
+        """
+        count = self.model.particle_count
+        fluid = wp.zeros(count + room, dtype=int, device=self.model.launcher.device)
+        wp.copy(fluid, self.fluid, count=count)
+        self.fluid_and_ghosts, self.fluid = fluid, fluid[:count]
+        self._pack(room)
 
     def snapshot(self) -> Snapshot:
         """Copy the fluid to the host, in id order."""
