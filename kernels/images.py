@@ -97,34 +97,41 @@ def fold(
     first: int,
     images: Images,
     parameters: Parameters,
-    particle_count: int,
-    block_size: int,
     fluid: wp.array[int],
     position_inout: wp.array[wp.vec3d],
     velocity_inout: wp.array[wp.vec3],
     acceleration_inout: wp.array[wp.vec3],
     xsph_velocity_inout: wp.array[wp.vec3],
-    work_inout: wp.array[wp.vec3d],
+    lift_out: wp.array[float],
 ):
-    """Bring each particle of a block that left through an edge back as the image that came in for it.
+    """Bring a particle that left through an edge back as the image that came in for it, and the work of that [J].
 
-    The energy that a periodic edge gives it by putting it back against gravity counts as work of walls.
+    A periodic edge does work where it puts a particle back against gravity or the body force.
     """
+    i = first + wp.tid()
+    x = position_inout[i]
+    work = float(0.0)
+    for e in range(images.edge_count):
+        if distance_inside(images.edge_normal[e], images.edge_offset[e], wp.vec3(x)) < 0.0:
+            R = images.rotation[e]
+            folded = wp.mat33d(R) * x + wp.vec3d(images.translation[e])
+            work -= parameters.mass[fluid[i]] * wp.dot(parameters.gravity, wp.vec3(folded - x))
+            x = folded
+            velocity_inout[i] = R * velocity_inout[i]
+            acceleration_inout[i] = R * acceleration_inout[i]
+            xsph_velocity_inout[i] = R * xsph_velocity_inout[i]
+    position_inout[i] = x
+    lift_out[i] = work
+
+
+@wp.kernel(enable_backward=False)
+def book_lift(first: int, particle_count: int, block_size: int, lift: wp.array[float], work_inout: wp.array[wp.vec3d]):
+    """Book the work of folding, as work of walls, with that of each block of particles [J]."""
     block = first + wp.tid()
-    lift = wp.float64(0.0)
+    done = wp.float64(0.0)
     for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        x = position_inout[i]
-        for e in range(images.edge_count):
-            if distance_inside(images.edge_normal[e], images.edge_offset[e], wp.vec3(x)) < 0.0:
-                R = images.rotation[e]
-                folded = wp.mat33d(R) * x + wp.vec3d(images.translation[e])
-                lift -= wp.float64(parameters.mass[fluid[i]]) * wp.dot(wp.vec3d(parameters.gravity), folded - x)
-                x = folded
-                velocity_inout[i] = R * velocity_inout[i]
-                acceleration_inout[i] = R * acceleration_inout[i]
-                xsph_velocity_inout[i] = R * xsph_velocity_inout[i]
-        position_inout[i] = x
-    work_inout[block] = work_inout[block] + wp.vec3d(wp.float64(0.0), lift, wp.float64(0.0))
+        done += wp.float64(lift[i])
+    work_inout[block] = work_inout[block] + wp.vec3d(wp.float64(0.0), done, wp.float64(0.0))
 
 
 @wp.kernel(enable_backward=False)
@@ -225,7 +232,7 @@ def list_ghosts(
     position: wp.array[wp.vec3],
     ghost_position: wp.array[wp.vec3],
     count_inout: wp.array[int],
-    list_inout: wp.array[int],
+    list_out: wp.array[int],
     inner_count_out: wp.array[int],
 ):
     """Append the ghosts within the list radius to row i; a count of the capacity less one says that it was cut short.
@@ -247,7 +254,7 @@ def list_ghosts(
                 x_ig = x_i - ghost_position[g]
                 square = wp.dot(x_ig, x_ig)
                 if square > 0.0 and square < square_radius and n < parameters.list_capacity - 1:
-                    list_inout[row + n * parameters.column_stride] = particle_count + g
+                    list_out[row + n * parameters.column_stride] = particle_count + g
                     n += 1
     count_inout[i] = n
 

@@ -28,15 +28,10 @@ class Ghosts:
             kernels.count_ghosts, n, [model.images, model.list_radius, state.listed_position, self._first]
         )
         s = state
-        self.fold = record(
-            kernels.fold,
-            s.block_count,
-            [
-                *(model.images, model.parameters, n, BLOCK_SIZE, s.fluid),
-                *(s.position, s.velocity, s.acceleration, s.xsph_velocity, s.work),
-            ],
-            grain=1,
-        )
+        moved = [s.position, s.velocity, s.acceleration, s.xsph_velocity]
+        lift = s.wall_distance  # free between steps
+        self._fold = record(kernels.fold, n, [model.images, model.parameters, s.fluid, *moved, lift])
+        self._book_lift = record(kernels.book_lift, s.block_count, [n, BLOCK_SIZE, lift, s.work])
         self._make_room(64)
 
     def _make_room(self, room: int) -> None:
@@ -60,6 +55,11 @@ class Ghosts:
                 *(array[n:] for array in packed),
             ],
         )
+
+    def fold(self) -> None:
+        """Bring particles that left through an edge back as the images that came in for them."""
+        self._fold()
+        self._book_lift()
 
     def make(self) -> bool:
         """Make the ghosts at `listed_position`. Returns True if arrays had to grow: launches must be recorded again."""
