@@ -70,6 +70,7 @@ class Ghosts:
         grown = total > len(self.source)
         if grown:
             self._make_room(total + total // 4)
+        wp.copy(self._state.fluid_and_ghosts, self._state.fluid, count=n)
         self._make()
         self._forget()
         self._cells.sort()

@@ -82,7 +82,11 @@ class Image:
 
 
 def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
-    """The planes that bound the scene, and the image through which each of them is left."""
+    """The planes that bound the scene, and the image through which each of them is left.
+
+    Raises:
+        SceneError: periodic edges do not match.
+    """
     edges, images = [], []
     for i, spec in enumerate(scene.images):
         path = f"images[{i}]"
@@ -98,6 +102,7 @@ def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
             images.append(_shift(end - start))
             edges.append(Edge(-along, float(-along @ end), spec.name, path))
             images.append(_shift(start - end))
+    _refuse_misfits(scene, edges, images)
     return edges, images
 
 
@@ -111,7 +116,6 @@ def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tupl
         SceneError: images do not fit on each other.
     """
     edges, generators = find_edges(scene)
-    _refuse_misfits(scene, edges, generators, radius)
     corners, planes = _corners(edges, lower, upper, scene.dimensions)
     tolerance = 1e-6 * scene.spacing
     found, fresh = list(generators), list(generators)
@@ -157,14 +161,14 @@ def _shift(by: Array) -> Image:
     return Image(np.eye(3), by, np.zeros(3), np.eye(3), np.zeros(3))
 
 
-def _refuse_misfits(scene: Scene, edges: Sequence[Edge], generators: Sequence[Image], radius: float) -> None:
+def _refuse_misfits(scene: Scene, edges: Sequence[Edge], generators: Sequence[Image]) -> None:
     """Raise SceneError where a periodic pair is too close, or carries a mirror or another pair to another place."""
     closest = 4.0 * scene.smoothing_length
     for edge, image in zip(edges, generators, strict=True):
         if image.wall is not None:
             continue
         period = float(np.linalg.norm(image.translation))
-        if period < max(closest, radius):
+        if period < closest:
             words = f"the edges are {period:.4g} m apart; at least 4 h = {closest:.4g} m is needed"
             raise scene.error(f"{edge.path}.periodic", words)
         cells = period / scene.spacing
@@ -223,6 +227,19 @@ def _gap(image: Image, corners: Array, planes: Sequence[tuple[Array, float]]) ->
     back = (corners - image.translation) @ image.rotation
     here = [float((offset - back @ normal).min()) for normal, offset in planes]
     return max(there + here)
+
+
+def folded(edges: Sequence[Edge], images: Sequence[Image], position: Array, velocity: Array) -> tuple[Array, Array]:
+    """Where particles that have left through an edge since they were folded are seen, and how fast they go.
+
+    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types.
+    """
+    position, velocity = position.copy(), velocity.copy()
+    for edge, image in zip(edges, images, strict=False):
+        out = np.flatnonzero(position @ edge.normal < edge.offset)
+        position[out] = position[out] @ image.rotation.T + image.translation
+        velocity[out] = velocity[out] @ image.rotation.T
+    return position, velocity
 
 
 def image_struct(edges: Sequence[Edge], found: Sequence[Image], device: wp.Device) -> kernels.Images:

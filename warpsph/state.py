@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpsph.images import folded
 from warpsph.kernels.density import BY_GRADIENT
 from warpsph.model import Model
 
@@ -65,8 +66,7 @@ class State:
             return wp.array(values, dtype=dtype, device=device)
 
         self.id = array(np.arange(count), int)
-        self.fluid_and_ghosts = array(model.initial_fluid, int)
-        self.fluid = self.fluid_and_ghosts
+        self.fluid = self.fluid_and_ghosts = array(model.initial_fluid, int)
         self.position = array(model.initial_position, wp.vec3d)  # [m]
         self.velocity = array(model.initial_velocity, wp.vec3)  # [m/s]
         self.density = array(model.initial_density, wp.float64)  # [kg/m3]
@@ -125,14 +125,12 @@ class State:
         self.position_volume, self.velocity_pressure = self.packed[:length], self.packed[length:]
 
     def make_room(self, room: int) -> None:
-        """Room for so many ghosts behind the particles; launches that were bound to the arrays must be recorded anew.
+        """Room for so many ghosts behind the particles, in the arrays that pair loops read; what they held is lost.
 
-        What the arrays of the pair loop held is lost but for the fluids of the particles.
+        Launches that were bound to them must be recorded anew.
         """
-        count = self.model.particle_count
-        fluid = wp.zeros(count + room, dtype=int, device=self.model.launcher.device)
-        wp.copy(fluid, self.fluid, count=count)
-        self.fluid_and_ghosts, self.fluid = fluid, fluid[:count]
+        length = self.model.particle_count + room
+        self.fluid_and_ghosts = wp.zeros(length, dtype=int, device=self.model.launcher.device)
         self._pack(room)
 
     def snapshot(self) -> Snapshot:
@@ -140,11 +138,14 @@ class State:
         order = np.argsort(self.id.numpy(), kind="stable")
         density = self.density.numpy()[order]
         fluid = self.fluid.numpy()[order]
+        position, velocity = folded(
+            self.model.edges, self.model.seen_images, self.position.numpy()[order], self.velocity.numpy()[order]
+        )
         return Snapshot(
             time=float(self.time.numpy()[0]),
             step=int(self.step.numpy()[0]),
-            position=self.position.numpy()[order],
-            velocity=self.velocity.numpy()[order],
+            position=position,
+            velocity=velocity,
             density=density,
             pressure=self.model.pressure(density, fluid),
             fluid=fluid,
