@@ -367,6 +367,13 @@ def drop_height(placement: Placement) -> float:
     return max(float(max([placement.position[:, 2].max(), *tops])) - placement.ground, 0.0)
 
 
+def typical_speed(scene: Scene, placement: Placement) -> float:
+    """A speed [m/s] for the colours of pictures: that of a fall, or, where nothing falls, of what is given to move."""
+    given = [math.hypot(*fluid.velocity) for fluid in scene.fluids]
+    given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
+    return 0.7 * math.sqrt(2.0 * scene.gravity * drop_height(placement)) or max(given)
+
+
 def _slow_sound(scene: Scene, drop: float) -> list[str]:
     """Warnings about every material whose speed of sound is low for a fall through `drop` [m].
 

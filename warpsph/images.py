@@ -138,6 +138,30 @@ def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tupl
     return edges, found
 
 
+def periods(scene: Scene) -> dict[str, Array]:
+    """From edge to edge of each periodic pair, by name [m], shape [3]."""
+    pairs = {spec.name: spec.periodic for spec in scene.images if spec.periodic}
+    return {name: _vector(pair.end) - _vector(pair.start) for name, pair in pairs.items()}
+
+
+def mirror_lines(scene: Scene, lower: Array, upper: Array) -> dict[str, Array]:
+    """The part of each mirror of a 2-D scene that bounds a box, by name: its ends in the x-z plane [m], shape [2, 2].
+
+    `lower` and `upper` [m], shape [3], are corners of the box.
+    """
+    if scene.dimensions == 3 or not scene.images:
+        return {}
+    edges, images = find_edges(scene)
+    corners, _ = _corners(edges, lower, upper, scene.dimensions)
+    lines = {}
+    for edge, image in zip(edges, images, strict=True):
+        on = corners[np.abs(corners @ edge.normal - edge.offset) < 1e-6 * scene.spacing]
+        if image.wall and len(on) > 1:
+            along = on @ np.cross(edge.normal, [0.0, 1.0, 0.0])
+            lines[edge.name] = on[[along.argmin(), along.argmax()]][:, ::2]
+    return lines
+
+
 def _vector(point: Sequence[float]) -> Array:
     return np.array(point if len(point) == 3 else (point[0], 0.0, point[1]), dtype=float)
 

@@ -588,6 +588,9 @@ class Output(Part):
     usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
     checkpoint_every: Positive = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
     view: View | None = Field(None, description="Window of the pictures [m]; around everything when absent.")
+    speed_scale: Positive | None = Field(
+        None, description="Speed at which the colours of the pictures end [m/s]; a guess from gravity when absent."
+    )
 
 
 class Scene(Part):
