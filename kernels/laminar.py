@@ -122,17 +122,17 @@ def laminar_acceleration_kernel(
             while k < end:
                 j = neighbour_list[k]
                 g = j - particle_count
-                xV_j = place[j]
+                xV_g = place[j]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, ghost_source[g])
-                u_j = velocity_beyond(
+                u_g = velocity_beyond(
                     images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
                 )
-                x_ij = x_vec - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-                u_ij = u_vec - u_j
-                r2 = wp.dot(x_ij, x_ij)
-                s = xV_j[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
-                A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ij, x_ij), r2)
-                by_viscosity += s * (A * u_ij + B * x_ij)
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                u_ig = u_vec - u_g
+                r2 = wp.dot(x_ig, x_ig)
+                s = xV_g[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
+                A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
+                by_viscosity += s * (A * u_ig + B * x_ig)
                 k += stride
 
         inverse_rho_i = V_i / parameters.mass[fluid[i]]
@@ -232,15 +232,15 @@ def velocity_gradient_kernel(
             while k < end:
                 j = neighbour_list[k]
                 g = j - particle_count
-                xV_j = place[j]
+                xV_g = place[j]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, ghost_source[g])
-                u_j = velocity_beyond(
+                u_g = velocity_beyond(
                     images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
                 )
-                x_ij = x_vec - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-                s = xV_j[3] * slope(wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h)
-                L -= s * wp.outer(u_vec - u_j, x_ij)
-                M -= s * wp.outer(x_ij, x_ij)
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+                L -= s * wp.outer(u_vec - u_g, x_ig)
+                M -= s * wp.outer(x_ig, x_ig)
                 k += stride
         n = parameters.gradient_norm
         velocity_gradient_out[i] = corrected(n * L, n * M)
@@ -321,12 +321,12 @@ def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.
             for k in range(inner_count[i], neighbour_count[i]):
                 j = neighbour_list[row + k * parameters.column_stride]
                 g = j - particle_count
-                xV_j, source = position_volume[j], ghost_source[g]
-                L_j = gradient_beyond(images, ghost_image[g], velocity_gradient[source])
-                T_j = viscosity[source] * deviator(L_j, parameters.dimensions)
-                x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-                q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h
-                by_stress += xV_j[3] * slope(q) * ((T_i + T_j) * x_ij)
+                xV_g, source = position_volume[j], ghost_source[g]
+                L_g = gradient_beyond(images, ghost_image[g], velocity_gradient[source])
+                T_g = viscosity[source] * deviator(L_g, parameters.dimensions)
+                x_ig = x_i - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                q = wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h
+                by_stress += xV_g[3] * slope(q) * ((T_i + T_g) * x_ig)
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress
 
     return stress_acceleration

@@ -53,12 +53,12 @@ class Beyond:
         self.images.wall_offset = array([wall[1] if wall else 0.0 for wall in walls], float)
         self.images.wall_velocity = array(np.zeros((len(walls), 3)), wp.vec3)
 
-        ghosts = [
+        seen = [
             (j, k, R @ x + t)
             for k, (R, t) in enumerate(zip(rotation, translation, strict=True))
             for j, x in enumerate(cloud.x)
         ]
-        ghosts = [ghost for ghost in ghosts if np.linalg.norm(cloud.x - ghost[2], axis=1).min() < reach]
+        ghosts = [ghost for ghost in seen if np.linalg.norm(cloud.x - ghost[2], axis=1).min() < reach]
         self.source = array([j for j, _, _ in ghosts], int)
         self.image = array([k for _, k, _ in ghosts], int)
         self.x = np.reshape([x for _, _, x in ghosts], (-1, 3))
@@ -341,6 +341,82 @@ def test_artificial_viscosity_as_a_real_one(make_cloud, lattice, viscosity, erro
 )
 def test_artificial_share_in_closed_form(viscosity, smoothing, share):
     assert artificial_share(viscosity, smoothing, 2) == pytest.approx(share, rel=1e-6)
+
+
+# ------------------------------------------------------------------------------------------------------------ ghosts
+
+
+def edge(R, t, F, f=(0.0, 0.0, 0.0), **more) -> dict:
+    return {"R": np.diag(R).astype(float), "t": np.array(t), "F": np.diag(F).astype(float), "f": f, **more}
+
+
+# Cells of 9 x 9 particles, 0.9 m wide, centred on the origin: their edges are at +-0.45 m.
+PERIODIC = [edge([1, 1, 1], [0.9 * a, 0.0, 0.9 * b], [1, 1, 1]) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+FLOOR = {
+    "free_slip": edge([1, 1, -1], [0.0, 0.0, -0.9], [1, 1, -1]),
+    "no_slip_opposite": edge([1, 1, -1], [0.0, 0.0, -0.9], [-1, -1, -1], (2.0, 0.0, 0.0)),
+}
+
+
+def with_copies(make_cloud, x, u, mu, images: list[dict]) -> tuple:
+    """A cloud with ghosts in `images`, and one in which those are particles too, with the viscosity of each."""
+    xs = [x, *(x @ image["R"].T + image["t"] for image in images)]
+    us = [u, *(u @ image["F"].T + image["f"] for image in images)]
+    return make_cloud(x, u=u), make_cloud(np.concatenate(xs), u=np.concatenate(us)), np.tile(mu, len(xs))
+
+
+@pytest.mark.parametrize("images", [PERIODIC, *([wall] for wall in FLOOR.values())], ids=["periodic", *FLOOR])
+@every_form
+def test_a_ghost_acts_as_the_particle_that_it_shows(make_cloud, lattice, form, images):
+    """At all particles, and the velocity gradient there, against real particles in the ghosts' places."""
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    u, mu = random.normal(size=x.shape) * [1, 0, 1], 10.0 ** random.uniform(0.0, 1.0, len(x))
+    cloud, full, all_mu = with_copies(make_cloud, x, u, mu, images)
+    beyond = Beyond(cloud, images, 2.5 * cloud.h)
+    for renormalise in (False, True):
+        L = velocity_gradient(cloud, renormalise, beyond)
+        assert_same(L, velocity_gradient(full, renormalise)[: len(x)])
+    if form == "stress":
+        # The copies at the rim do not see all of what they would: their stress is that of the particles they copy.
+        images_of = [(np.eye(3), np.eye(3)), *((image["F"], image["R"]) for image in images)]
+        L = velocity_gradient(cloud, False, beyond)
+        gradients = np.concatenate([F @ L @ R.T for F, R in images_of])
+        D = gradients + np.swapaxes(gradients, 1, 2)
+        D -= np.trace(gradients, axis1=1, axis2=2)[:, None, None] * np.diag([1.0, 0.0, 1.0])
+        T = all_mu[:, None, None] * D
+        factor = full.m / (full.rho[:, None] * full.rho)
+        expected = np.einsum("ij,ijkl,ijl->ik", factor, T[:, None] + T, full.grad_W)
+    else:
+        expected = acceleration(full, form, all_mu)
+    assert_same(acceleration(cloud, form, mu, beyond=beyond), expected[: len(x)])
+
+
+@every_form
+def test_momentum_is_conserved_across_periodic_edges(make_cloud, lattice, form):
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    cloud = make_cloud(x, u=random.normal(size=x.shape) * [1, 0, 1])
+    force = acceleration(cloud, form, random_viscosity(cloud), beyond=Beyond(cloud, PERIODIC, 2.5 * cloud.h))
+    assert np.all(np.abs(force.sum(axis=0)) < TOLERANCE * np.abs(force).sum())
+
+
+def test_a_wall_that_is_extrapolated_to(make_cloud, lattice):
+    """Takeda et al. (1994): -(d_j / d_i) u_i beyond a floor at rest, at most -u_i / 2 (Morris et al. 1997)."""
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    u = random.normal(size=x.shape) * [1, 0, 1]
+    floor = edge([1, 1, -1], [0.0, 0.0, -0.9], [1, 1, 1], wall=((0.0, 0.0, 1.0), -0.45))
+    cloud = make_cloud(x, u=u)
+    beyond = Beyond(cloud, [floor], 2.5 * cloud.h)
+    mu = random_viscosity(cloud)
+    found = acceleration(cloud, "morris", mu, beyond=beyond) - acceleration(cloud, "morris", mu)
+    j, d = beyond.source.numpy(), cloud.x[:, 2] + 0.45
+    factor = 1.0 + np.minimum(d[j] / d[:, None], 0.5)
+    x_ij = cloud.x[:, None] - beyond.x
+    q = np.linalg.norm(x_ij, axis=2) / cloud.h
+    slope = np.where(q < 2.0, -5.0 * (1.0 - q / 2.0) ** 3, 0.0) * cloud.parameters.gradient_norm
+    both = np.add.outer(mu, mu[j])
+    expected = np.einsum("ij,ik->ik", cloud.V[j] * both * slope * factor, cloud.u) / cloud.rho[:, None]
+    assert np.abs(expected).max() > 0.0
+    assert_same(found, expected)
 
 
 @every_form
