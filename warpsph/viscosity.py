@@ -43,8 +43,8 @@ class Viscosity:
         self.mean_rate = (zeros(wp.vec3, by_stages), zeros(wp.vec3, by_stages))
         self.velocity_gradient = zeros(wp.mat33, bool(model.viscous.law) or by_stress)
         self.stress = zeros(wp.mat33, by_stress)
-        self._images = Images()
-        self._none = wp.zeros(1, dtype=int, device=device)
+        self._images = model.images or Images()
+        self._no_ghosts = wp.zeros(1, dtype=int, device=device)
 
     def arrays(self) -> list[wp.array]:
         """What it has allocated."""
@@ -121,19 +121,21 @@ class Viscosity:
                 self._gradient(velocity_viscosity, renormalise=False),
                 self._record(laminar.viscous_stress, *stress),
                 self._record(
-                    laminar.stress_acceleration_kernel(m.formulas.smoothing),
+                    laminar.stress_acceleration_kernel(m.formulas.smoothing, m.images is not None),
                     *(m.parameters, self._images, m.particle_count, s.position_volume, s.fluid, *self._lists()),
                     *(self.viscosity, self.velocity_gradient, self.stress, rate),
                 ),
             ]
         kernel = laminar.laminar_acceleration_kernel(
-            m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout
+            m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
         )
         return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), rate)]
 
     def _gradient(self, packed_velocity: wp.array, renormalise: bool) -> Launch:
         m = self.model
-        kernel = laminar.velocity_gradient_kernel(m.formulas.smoothing, renormalise, m.formulas.dimensions, m.layout)
+        kernel = laminar.velocity_gradient_kernel(
+            m.formulas.smoothing, renormalise, m.formulas.dimensions, m.layout, m.images is not None
+        )
         return self._record(kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient)
 
     def _read(self, packed_velocity: wp.array) -> list[object]:
@@ -144,5 +146,7 @@ class Viscosity:
 
     def _lists(self) -> list[wp.array]:
         """The neighbours: particles, then ghosts."""
-        n = self.neighbours
-        return [n.count, n.count, n.list, self._none, self._none]
+        n, ghosts = self.neighbours, self.neighbours.ghosts
+        if ghosts is None:
+            return [n.count, n.count, n.list, self._no_ghosts, self._no_ghosts]
+        return [ghosts.inner_count, n.count, n.list, ghosts.source, ghosts.image]
