@@ -3,6 +3,11 @@
 Two ways. The pair forms of LAMINAR take the difference of two velocities at once. The stress form of eq 100 takes the
 divergence of T = mu D', with D' from the velocity gradients: dearer, and blind to a velocity that alternates from
 particle to particle, but good for any stress. All conserve momentum; `cleary` angular momentum as well.
+
+Pair loops read (x, y, z, V) and (u, v, w, mu), packed as those of rates.py: in a plane x lies beside u, in the place of
+v. Beyond the particles of a row come the ghosts that mirrors and periodic edges show of particles, each with the
+velocity that `velocity_beyond` gives it; they are worked out from their particles in the loop, so that the stages of a
+step never wait for ghosts.
 """
 
 import math
@@ -13,28 +18,30 @@ import numpy as np
 import warp as wp
 
 from .corrections import renormalisation
+from .images import Images, velocity_beyond
 from .parameters import Parameters
-from .rheology import deviator
+from .rates import CPU_LAYOUT, Layout, compiler_options
+from .rheology import Rheology, deviator
 from .smoothing import SMOOTHING
 
 # ------------------------------------------------------------------------------------------------------ pair forms
+# A pair force is A u_ij + B x_ij, and a form gives (A, B): vectors would keep the loop from taking several at once.
 
 
 @wp.func
-def morris(mu: float, dimensions: int, u_ij: wp.vec3, x_ij: wp.vec3) -> wp.vec3:
+def morris(mu: float, dimensions: int, u_dot_x: float, r2: float):
     """2 mu u_ij: Morris, Fox & Zhu (1997), Vasco (2014) eq 99. For a flow without divergence."""
-    return 2.0 * mu * u_ij
+    return 2.0 * mu, 0.0
 
 
 @wp.func
-def cleary(mu: float, dimensions: int, u_ij: wp.vec3, x_ij: wp.vec3) -> wp.vec3:
+def cleary(mu: float, dimensions: int, u_dot_x: float, r2: float):
     """2 (d + 2) mu (u_ij . x_ij) x_ij / r^2: Cleary (1998), Monaghan (2005).
 
     Along the line between: no torque, nothing in rigid rotation, and right at a free surface, where eq 99 is not
     (Colagrossi et al. 2011). Its bulk viscosity is 2 mu in the plane, 5 mu / 3 in space.
     """
-    r2 = wp.max(wp.dot(x_ij, x_ij), 1.0e-18)
-    return 2.0 * float(dimensions + 2) * mu * wp.dot(u_ij, x_ij) / r2 * x_ij
+    return 0.0, 2.0 * float(dimensions + 2) * mu * u_dot_x / wp.max(r2, 1.0e-18)
 
 
 LAMINAR: Mapping[str, wp.Function] = {"morris": morris, "cleary": cleary}
@@ -56,7 +63,9 @@ MEAN: Mapping[str, wp.Function] = {"arithmetic": arithmetic, "harmonic": harmoni
 
 
 @cache
-def laminar_acceleration_kernel(smoothing: str, form: str, mean: str) -> wp.Kernel:
+def laminar_acceleration_kernel(
+    smoothing: str, form: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+) -> wp.Kernel:
     """The pair loop of viscosity.
 
         du_i/dt = 1 / rho_i sum_j V_j s_ij F(mu_ij, u_ij, x_ij),    grad_i W_ij = s_ij x_ij
@@ -65,35 +74,68 @@ def laminar_acceleration_kernel(smoothing: str, form: str, mean: str) -> wp.Kern
     """
     slope = SMOOTHING[smoothing].slope
     force, between = LAMINAR[form], MEAN[mean]
+    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def laminar_acceleration(
         first: int,
         parameters: Parameters,
-        position_volume: wp.array[wp.vec4],
-        velocity_pressure: wp.array[wp.vec4],
+        images: Images,
+        particle_count: int,
+        position_volume: wp.array[packed],
+        velocity_viscosity: wp.array[packed],
+        place: wp.array[wp.vec4],
         fluid: wp.array[int],
+        inner_count: wp.array[int],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
-        viscosity: wp.array[float],
-        dimensions: int,
+        ghost_source: wp.array[int],
+        ghost_image: wp.array[int],
         laminar_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by viscosity [m/s2]."""
+        """a_i by viscosity [m/s2]; `place` is `position_volume` as vectors."""
         i = first + wp.tid()
-        xV_i, up_i, mu_i = position_volume[i], velocity_pressure[i], viscosity[i]
-        x_i, u_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), wp.vec3(up_i[0], up_i[1], up_i[2])
-        inverse_rho_i = xV_i[3] / parameters.mass[fluid[i]]
+        x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
+        dimensions = parameters.dimensions
 
-        by_viscosity = wp.vec3()
-        row = i * parameters.row_stride
-        for k in range(neighbour_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
-            xV_j, up_j = position_volume[j], velocity_pressure[j]
-            x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-            u_ij = u_i - wp.vec3(up_j[0], up_j[1], up_j[2])
-            q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h
-            by_viscosity += xV_j[3] * slope(q) * force(between(mu_i, viscosity[j]), dimensions, u_ij, x_ij)
+        viscous_x, viscous_y, viscous_z = float(0.0), float(0.0), float(0.0)
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        k = i * parameters.row_stride
+        end = k + inner_count[i] * stride
+        while k < end:
+            j = neighbour_list[k]
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, velocity_viscosity, j)
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+            r2 = x * x + y * y + z * z
+            s = V_j * slope(wp.sqrt(r2) * parameters.inverse_h)
+            A, B = force(between(mu_i, mu_j), dimensions, u * x + v * y + w * z, r2)
+            viscous_x += s * (A * u + B * x)
+            viscous_y += s * (A * v + B * y)
+            viscous_z += s * (A * w + B * z)
+            k += stride
+
+        by_viscosity = wp.vec3(viscous_x, viscous_y, viscous_z)
+        if wp.static(with_images):
+            x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            end = i * parameters.row_stride + neighbour_count[i] * stride
+            while k < end:
+                j = neighbour_list[k]
+                g = j - particle_count
+                xV_g = place[j]
+                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, ghost_source[g])
+                u_g = velocity_beyond(
+                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                )
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                u_ig = u_vec - u_g
+                r2 = wp.dot(x_ig, x_ig)
+                s = xV_g[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
+                A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
+                by_viscosity += s * (A * u_ig + B * x_ig)
+                k += stride
+
+        inverse_rho_i = V_i / parameters.mass[fluid[i]]
         laminar_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_viscosity
 
     return laminar_acceleration
@@ -115,7 +157,9 @@ def renormalised(L: wp.mat33, M: wp.mat33) -> wp.mat33:
 
 
 @cache
-def velocity_gradient_kernel(smoothing: str, renormalise: bool) -> wp.Kernel:
+def velocity_gradient_kernel(
+    smoothing: str, renormalise: bool, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+) -> wp.Kernel:
     """The pair loop of the velocity gradient.
 
         L_i = (sum_j V_j (u_j - u_i) (x) grad_i W_ij) B_i,    L_ab = d u_a / d x_b
@@ -124,33 +168,80 @@ def velocity_gradient_kernel(smoothing: str, renormalise: bool) -> wp.Kernel:
     """
     slope = SMOOTHING[smoothing].slope
     corrected = renormalised if renormalise else as_it_is
+    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    spatial = dimensions == 3
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def velocity_gradient(
         first: int,
         parameters: Parameters,
-        position_volume: wp.array[wp.vec4],
-        velocity_pressure: wp.array[wp.vec4],
+        images: Images,
+        particle_count: int,
+        position_volume: wp.array[packed],
+        packed_velocity: wp.array[packed],
+        place: wp.array[wp.vec4],
+        inner_count: wp.array[int],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
+        ghost_source: wp.array[int],
+        ghost_image: wp.array[int],
         velocity_gradient_out: wp.array[wp.mat33],
     ):
-        """L_i [1/s]."""
+        """L_i [1/s], whatever is packed behind the velocity; `place` is `position_volume` as vectors."""
         i = first + wp.tid()
-        xV_i, up_i = position_volume[i], velocity_pressure[i]
-        x_i, u_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), wp.vec3(up_i[0], up_i[1], up_i[2])
+        x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
 
-        L = wp.mat33()
-        M = wp.mat33()
-        row = i * parameters.row_stride
-        for k in range(neighbour_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
-            xV_j, up_j = position_volume[j], velocity_pressure[j]
-            x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-            u_ij = u_i - wp.vec3(up_j[0], up_j[1], up_j[2])
-            s_ij = xV_j[3] * slope(wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h)
-            L -= s_ij * wp.outer(u_ij, x_ij)
-            M -= s_ij * wp.outer(x_ij, x_ij)
+        L_xx, L_xy, L_xz = float(0.0), float(0.0), float(0.0)
+        L_yx, L_yy, L_yz = float(0.0), float(0.0), float(0.0)
+        L_zx, L_zy, L_zz = float(0.0), float(0.0), float(0.0)
+        M_xx, M_xy, M_xz = float(0.0), float(0.0), float(0.0)
+        M_yy, M_yz, M_zz = float(0.0), float(0.0), float(0.0)
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        k = i * parameters.row_stride
+        end = k + inner_count[i] * stride
+        while k < end:
+            j = neighbour_list[k]
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+            s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            sx, sy, sz = s * x, s * y, s * z
+            L_xx -= u * sx
+            L_xz -= u * sz
+            L_zx -= w * sx
+            L_zz -= w * sz
+            M_xx -= x * sx
+            M_xz -= x * sz
+            M_zz -= z * sz
+            if wp.static(spatial):
+                L_xy -= u * sy
+                L_yx -= v * sx
+                L_yy -= v * sy
+                L_yz -= v * sz
+                L_zy -= w * sy
+                M_xy -= x * sy
+                M_yy -= y * sy
+                M_yz -= y * sz
+            k += stride
+
+        L = wp.mat33(L_xx, L_xy, L_xz, L_yx, L_yy, L_yz, L_zx, L_zy, L_zz)
+        M = wp.mat33(M_xx, M_xy, M_xz, M_xy, M_yy, M_yz, M_xz, M_yz, M_zz)
+        if wp.static(with_images):
+            x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            end = i * parameters.row_stride + neighbour_count[i] * stride
+            while k < end:
+                j = neighbour_list[k]
+                g = j - particle_count
+                xV_g = place[j]
+                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, ghost_source[g])
+                u_g = velocity_beyond(
+                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                )
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+                L -= s * wp.outer(u_vec - u_g, x_ig)
+                M -= s * wp.outer(x_ig, x_ig)
+                k += stride
         n = parameters.gradient_norm
         velocity_gradient_out[i] = corrected(n * L, n * M)
 
@@ -170,8 +261,22 @@ def viscous_stress(
     stress_out[i] = viscosity[i] * deviator(velocity_gradient[i], dimensions)
 
 
+@wp.func
+def gradient_beyond(images: Images, k: int, L: wp.mat33) -> wp.mat33:
+    """Velocity gradient [1/s] at the ghost of a particle with L through image k.
+
+    u' = F u + f at x' = R x + t gives F L R^T. Where a wall's own velocity stands for that of every ghost, or it is
+    extrapolated from the wall, the flow goes on beyond the wall as it comes, F = -1: a velocity that is the same
+    everywhere would end the stress at the wall.
+    """
+    F = images.friction[k]
+    if images.extrapolates[k] != 0 or wp.ddot(F, F) == 0.0:
+        F = -wp.identity(n=3, dtype=float)
+    return F * L * wp.transpose(images.rotation[k])
+
+
 @cache
-def stress_acceleration_kernel(smoothing: str) -> wp.Kernel:
+def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.Kernel:
     """The pair loop of the divergence of a symmetric stress.
 
         du_i/dt = sum_j m_j (T_i + T_j) / (rho_i rho_j) . grad_i W_ij
@@ -184,14 +289,21 @@ def stress_acceleration_kernel(smoothing: str) -> wp.Kernel:
     def stress_acceleration(
         first: int,
         parameters: Parameters,
+        images: Images,
+        particle_count: int,
         position_volume: wp.array[wp.vec4],
         fluid: wp.array[int],
+        inner_count: wp.array[int],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
+        ghost_source: wp.array[int],
+        ghost_image: wp.array[int],
+        viscosity: wp.array[float],
+        velocity_gradient: wp.array[wp.mat33],
         stress: wp.array[wp.mat33],
         stress_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by stress [m/s2]."""
+        """a_i by stress [m/s2]; viscosity and velocity gradient are read of the particles behind ghosts."""
         i = first + wp.tid()
         xV_i, T_i = position_volume[i], stress[i]
         x_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2])
@@ -199,12 +311,22 @@ def stress_acceleration_kernel(smoothing: str) -> wp.Kernel:
 
         by_stress = wp.vec3()
         row = i * parameters.row_stride
-        for k in range(neighbour_count[i]):
+        for k in range(inner_count[i]):
             j = neighbour_list[row + k * parameters.column_stride]
             xV_j = position_volume[j]
             x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
             q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h
             by_stress += xV_j[3] * slope(q) * ((T_i + stress[j]) * x_ij)
+        if wp.static(with_images):
+            for k in range(inner_count[i], neighbour_count[i]):
+                j = neighbour_list[row + k * parameters.column_stride]
+                g = j - particle_count
+                xV_g, source = position_volume[j], ghost_source[g]
+                L_g = gradient_beyond(images, ghost_image[g], velocity_gradient[source])
+                T_g = viscosity[source] * deviator(L_g, parameters.dimensions)
+                x_ig = x_i - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                q = wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h
+                by_stress += xV_g[3] * slope(q) * ((T_i + T_g) * x_ig)
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress
 
     return stress_acceleration
@@ -214,6 +336,98 @@ def stress_acceleration_kernel(smoothing: str) -> wp.Kernel:
 # that is Adams-Bashforth of second order, which takes lambda dt <= 1, lambda being the fastest rate at which a velocity
 # decays. Heun's scheme and the midpoint rule take 2, so twice this step. The stress form does not see the fastest.
 VISCOUS_COURANT: Mapping[str, float] = {"morris": 0.125, "cleary": 0.045, "stress": 0.4}
+
+# ----------------------------------------------------------------------------------------------- the stages of a step
+
+
+@wp.kernel(enable_backward=False)
+def newtonian_viscosity(first: int, rheology: Rheology, fluid: wp.array[int], viscosity_out: wp.array[float]):
+    """mu_i [Pa s] of fluids that have but one."""
+    i = first + wp.tid()
+    viscosity_out[i] = rheology.consistency[fluid[i]]
+
+
+@wp.kernel(enable_backward=False)
+def with_viscosity(
+    first: int,
+    velocity_pressure: wp.array[wp.vec4],
+    viscosity: wp.array[float],
+    velocity_viscosity_out: wp.array[wp.vec4],
+):
+    """(u, v, w, mu) of the velocity that the pair loop of forces reads; in a plane (u, x, w, mu)."""
+    i = first + wp.tid()
+    up = velocity_pressure[i]
+    velocity_viscosity_out[i] = wp.vec4(up[0], up[1], up[2], viscosity[i])
+
+
+@wp.kernel(enable_backward=False)
+def start_stages(
+    first: int,
+    parameters: Parameters,
+    position_volume: wp.array[wp.vec4],
+    velocity: wp.array[wp.vec3],
+    viscosity: wp.array[float],
+    velocity_viscosity_out: wp.array[wp.vec4],
+):
+    """Y_0 of `viscous_stage`, the velocity at the start of the step, packed."""
+    i = first + wp.tid()
+    u = velocity[i]
+    v = wp.where(parameters.dimensions == 2, position_volume[i][0], u[1])
+    velocity_viscosity_out[i] = wp.vec4(u[0], v, u[2], viscosity[i])
+
+
+@wp.kernel(enable_backward=False)
+def viscous_stage(
+    first: int,
+    parameters: Parameters,
+    share: float,
+    weight_before: float,
+    weight_second: float,
+    weight_rate: float,
+    weight_first: float,
+    elapsed: float,
+    dt: wp.array[float],
+    velocity: wp.array[wp.vec3],
+    pressure_acceleration: wp.array[wp.vec3],
+    dissipative_acceleration: wp.array[wp.vec3],
+    wall_acceleration: wp.array[wp.vec3],
+    fluid: wp.array[int],
+    position_volume: wp.array[wp.vec4],
+    viscosity: wp.array[float],
+    rate: wp.array[wp.vec3],
+    first_rate: wp.array[wp.vec3],
+    before: wp.array[wp.vec3],
+    viscous_acceleration_inout: wp.array[wp.vec3],
+    velocity_viscosity_out: wp.array[wp.vec4],
+):
+    """Stage j of a super step of du/dt = F + L(u), F being the other forces: Meyer, Balsara & Aslam (2014), RKL2.
+
+        Y_j = mu_j Y_(j-1) + nu_j Y_(j-2) + (1 - mu_j - nu_j) Y_0 + mu'_j dt (F + L(Y_(j-1))) + gamma'_j dt (F + L(Y_0))
+
+    As Y_j = u + dt (a_j + c_j F) that is, without F and without rounding u at every stage,
+
+        a_j = mu_j a_(j-1) + nu_j a_(j-2) + mu'_j L(Y_(j-1)) + gamma'_j L(Y_0)
+
+    and the last a_j is the acceleration by viscosity over the step: a sum of L, so it conserves what they conserve.
+    Weights are (mu, nu, mu', gamma') in this order, `elapsed` is c_j; `share` is the part of dt that is stepped over.
+    """
+    i = first + wp.tid()
+    f = fluid[i]
+    a = weight_before * before[i] + weight_second * viscous_acceleration_inout[i]
+    a += weight_rate * rate[i] + weight_first * first_rate[i]
+    F = parameters.gravity + pressure_acceleration[i] + dissipative_acceleration[i] + wall_acceleration[i]
+    u = velocity[i] + share * dt[0] * parameters.mobility[f] * (a + elapsed * F)
+    v = wp.where(parameters.dimensions == 2, position_volume[i][0], u[1])
+    viscous_acceleration_inout[i] = a
+    velocity_viscosity_out[i] = wp.vec4(u[0], v, u[2], viscosity[i])
+
+
+@wp.kernel(enable_backward=False)
+def add_acceleration(first: int, acceleration: wp.array[wp.vec3], acceleration_inout: wp.array[wp.vec3]):
+    """One acceleration onto another [m/s2]."""
+    i = first + wp.tid()
+    acceleration_inout[i] = acceleration_inout[i] + acceleration[i]
+
 
 # ---------------------------------------------------------------------------------- artificial viscosity, read anew
 

@@ -209,6 +209,10 @@ def _check(options: argparse.Namespace) -> int:
     print(
         f"  memory          {facts.memory / 1e6:,.1f} MB ({facts.memory / facts.particle_count:.0f} bytes a particle)"
     )
+    for name, (own, artificial) in facts.viscosities.items():
+        print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
+    if facts.viscous_stages:
+        print(f"  viscous sweeps  {facts.viscous_stages} a step")
     print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
     print(f"  time            about {_duration(seconds)} on {launcher.threads} thread(s), output not counted")
     for warning in facts.warnings:

@@ -14,6 +14,7 @@ from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.walls import BY_LEG
 from warpsph.launch import Launcher
+from warpsph.rheology import viscous
 from warpsph.scene import Material, Scene
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
@@ -26,6 +27,8 @@ WALL_SKIN = {2: 0.4, 3: 0.15}
 ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
 LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
+# A run of more steps is a mistake: at a millisecond each it takes a day, and rounding adds up.
+MOST_STEPS = 1e8
 
 
 class Model:
@@ -38,6 +41,8 @@ class Model:
         initial_density: [kg/m3], hydrostatic below each fluid's top, shape [particle_count].
         initial_fluid: Index into `scene.fluids`, shape [particle_count].
         ground: Height of the lowest point of the walls [m].
+        viscous: The materials' own viscosities; None where there are none.
+        sound_step: The longest step that sound allows while nothing moves [s].
         grid: Cells over the scene.
         images: Mirrors and periodic edges as kernels read them; None where there are none.
         edges, seen_images: The same on the host, as `find_images` gives them.
@@ -81,6 +86,9 @@ class Model:
             dimensions=scene.dimensions,
         )
         self.parameters = self._parameters(scene, placement, materials)
+        self.viscous = viscous(scene, device)
+        self.sound_step = scene.run.courant * scene.smoothing_length / max(m.sound_speed for m in materials)
+        self._refuse_endless(scene)
         lower, upper = extent(placement)
         self.images, self.edges, self.seen_images = None, list[Edge](), list[Image]()
         if scene.images:
@@ -150,6 +158,13 @@ class Model:
         p.still_level = table([fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids])
         p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
         return p
+
+    def _refuse_endless(self, scene: Scene) -> None:
+        """Raises SceneError where the longest step of all would be taken too often."""
+        dt = min(self.sound_step, self.viscous.longest_step if self.viscous else math.inf)
+        steps = (scene.run.end_time - scene.start_time) / dt
+        if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
+            raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
 
     def pressure(self, density: np.ndarray, fluid: np.ndarray) -> np.ndarray:
         """Pressure [Pa], float32, from density [kg/m3] and fluid index, all of shape [n], by the kernels' laws."""

@@ -37,6 +37,8 @@ from warpsph.scene_file import SceneError, SourceMap, apply_override, nearest, r
 
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 COLOR = r"^#[0-9A-Fa-f]{6}$"
+# More stages are not tried: rounding grows with their square.
+MOST_STAGES = 101
 
 
 def _fault(message: str, path: str = "") -> PydanticCustomError:
@@ -115,6 +117,62 @@ class Smoothing(Part):
     )
 
 
+# What each law needs beside its consistency; the last law holds the others.
+_LAW_NEEDS: Mapping[str, tuple[str, ...]] = {
+    "newtonian": (),
+    "power_law": ("exponent", "viscosity_max"),
+    "bingham": ("yield_stress", "viscosity_max"),
+    "herschel_bulkley": ("exponent", "yield_stress", "viscosity_max"),
+}
+
+
+class Rheology(Part):
+    """How the viscosity of a fluid depends on its rate of shear."""
+
+    law: Literal["newtonian", "power_law", "bingham", "herschel_bulkley"] = Field(
+        description="Shear stress of a rate of shear [-]: tau = yield_stress + consistency rate^exponent, or a part."
+    )
+    consistency: Positive = Field(
+        description="Consistency K [Pa s^exponent]; of newtonian and bingham, a viscosity [Pa s]."
+    )
+    exponent: Positive | None = Field(
+        None, description="Exponent N of power_law and herschel_bulkley [-]: less than 1 thins, more than 1 thickens."
+    )
+    yield_stress: NotNegative | None = Field(
+        None, description="Stress below which bingham and herschel_bulkley do not flow [Pa]."
+    )
+    regularisation: Literal["bi_viscous", "papanastasiou", "cross"] | None = Field(
+        None, description="What keeps the viscosity of a yield stress finite at rest [-]; bi_viscous when absent."
+    )
+    viscosity_max: Positive | None = Field(
+        None, description="Greatest apparent viscosity [Pa s], which stands for that of a plug."
+    )
+
+    @model_validator(mode="after")
+    def _has_what_its_law_needs(self) -> Rheology:
+        needed = _LAW_NEEDS[self.law]
+        for name in ("exponent", "yield_stress", "viscosity_max"):
+            if name in needed and getattr(self, name) is None:
+                why = f"{self.law} needs it"
+                if name == "viscosity_max":
+                    rest = "at rest" if (self.exponent or 0.0) <= 1.0 else "in fast flow"
+                    why = f"without it the viscosity of {self.law} has no limit {rest}"
+                raise _fault(f"this field is missing: {why}", name)
+            if name not in needed and getattr(self, name) is not None:
+                laws = [law for law, fields in _LAW_NEEDS.items() if name in fields]
+                raise _fault(f"goes with {' and '.join(laws)}, not with {self.law}", name)
+        if self.regularisation and self.yield_stress is None:
+            raise _fault(f"goes with a yield stress, which {self.law} has not", "regularisation")
+        if self.law == "bingham" and self.viscosity_max < self.consistency:
+            raise _fault(f"must be at least the consistency, {self.consistency:g} Pa s", "viscosity_max")
+        return self
+
+    @property
+    def viscosity_limit(self) -> float:
+        """The greatest viscosity that it can take [Pa s]."""
+        return self.consistency if self.viscosity_max is None else self.viscosity_max
+
+
 class Material(Part):
     """What a fluid is made of."""
 
@@ -127,9 +185,52 @@ class Material(Part):
     wall_alpha: NotNegative = Field(
         0.0, description="Coefficient of the artificial viscosity against walls [-]; 0 lets the fluid slip freely."
     )
+    dynamic_viscosity: NotNegative | None = Field(
+        None, description="Dynamic viscosity mu [Pa s]; only the artificial one when absent."
+    )
+    rheology: Rheology | None = Field(
+        None, description="A viscosity that depends on the rate of shear, instead of dynamic_viscosity."
+    )
     color: Annotated[str, Field(pattern=COLOR)] | None = Field(
         None, description='Colour in pictures, as "#rrggbb" [-]; from a palette when absent.'
     )
+
+    @model_validator(mode="after")
+    def _has_one_viscosity(self) -> Material:
+        if self.rheology and self.dynamic_viscosity is not None:
+            raise _fault("the rheology has the viscosity; leave one of the two out", "dynamic_viscosity")
+        return self
+
+    @property
+    def laminar(self) -> Rheology | None:
+        """Its own viscosity as a law; None where it has none."""
+        if self.dynamic_viscosity:
+            return Rheology(law="newtonian", consistency=self.dynamic_viscosity)
+        return self.rheology
+
+
+class Laminar(Part):
+    """How forces come of the materials' own viscosities."""
+
+    form: Literal["morris", "cleary", "stress"] = Field(
+        "morris",
+        description="Force of a pair [-]: morris, cleary (along the line between, so that no torque is left over), or "
+        "stress, the divergence of the stress from velocity gradients.",
+    )
+    mean: Literal["arithmetic", "harmonic"] = Field(
+        "harmonic", description="Viscosity between two particles of a pair [-], for morris and cleary."
+    )
+    stages: Annotated[int, Field(strict=True, ge=1, le=MOST_STAGES)] | None = Field(
+        None,
+        description="Sweeps of a step for viscosity [-]: 1 is explicit, more allow a longer step; as many as let sound "
+        "alone limit the step when absent.",
+    )
+
+    @model_validator(mode="after")
+    def _can_be_stepped(self) -> Laminar:
+        if self.stages == 2:
+            raise _fault("two stages take no longer a step than one; 1, or 3 and more", "stages")
+        return self
 
 
 class Box(Part):
@@ -620,6 +721,7 @@ class Scene(Part):
         "signal", description="Artificial viscosity [-]: signal (all pairs) or monaghan (approaching pairs only)."
     )
     viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
+    laminar: Laminar = Field(Laminar(), description="How forces come of the materials' own viscosities.")
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
@@ -709,8 +811,19 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"fluids[{i}].material", f"no material named '{fluid.material}'{hint}"
         if fluid.fill and fluid.fill.above not in (names := [wall.name for wall in scene.walls]):
             yield f"fluids[{i}].fill.above", f"no wall named '{fluid.fill.above}'{nearest(fluid.fill.above, names)}"
+    kinds = {name: law.regularisation or "bi_viscous" for name, law in _yielding(scene).items()}
+    for name, kind in kinds.items():
+        if kind != (first := next(iter(kinds.values()))):
+            path = f"materials.{name}.rheology.regularisation"
+            yield path, f"one for all materials of a scene is needed, and another one has {first}"
     for i, body in enumerate(scene.bodies):
         yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
+
+
+def _yielding(scene: Scene) -> dict[str, Rheology]:
+    """The laws with a yield stress, by material."""
+    laws = {name: material.rheology for name, material in scene.materials.items()}
+    return {name: law for name, law in laws.items() if law and law.yield_stress is not None}
 
 
 def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:

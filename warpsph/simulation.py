@@ -14,9 +14,11 @@ from warpsph.kernels import integrators
 from warpsph.launch import Launcher
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
 from warpsph.neighbours import Neighbours
+from warpsph.rheology import kinematic_viscosities
 from warpsph.scene import Scene
 from warpsph.state import State
 from warpsph.step import Step
+from warpsph.viscosity import Viscosity
 
 _FAULTS = {
     int(integrators.NOT_FINITE): "its position, velocity or density is not a finite number",
@@ -122,6 +124,8 @@ class Forecast:
     memory: int  # of all arrays [bytes]
     first_dt: float  # [s]
     steps: int
+    viscosities: dict[str, tuple[float, float]]  # of each material, its greatest own and the artificial one [m2/s]
+    viscous_stages: int  # sweeps of a step for viscosity
     warnings: tuple[str, ...]
 
 
@@ -134,8 +138,12 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     neighbours.rebuild()
     owners = (model, state, neighbours, neighbours.cells)
     arrays = [array for owner in owners for array in vars(owner).values() if isinstance(array, wp.array)]
+    if model.viscous:
+        arrays += Viscosity(model, state, neighbours).arrays()
     speed = float(np.linalg.norm(placement.velocity, axis=1).max())
     first_dt = scene.run.courant * scene.smoothing_length / (float(model.parameters.sound_speed.numpy().max()) + speed)
+    if model.viscous:
+        first_dt = min(first_dt, model.viscous.longest_step)
     return Forecast(
         particle_count=model.particle_count,
         counts={name: int(np.sum(placement.fluid == f)) for f, name in enumerate(model.fluid_names)},
@@ -144,5 +152,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         memory=sum(array.capacity for array in arrays if array.deleter),
         first_dt=first_dt,
         steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),
+        viscosities=kinematic_viscosities(scene),
+        viscous_stages=model.viscous.stages if model.viscous else 0,
         warnings=placement.warnings,
     )

@@ -27,6 +27,8 @@ class Snapshot:
         pressure: [Pa], float32, shape [particle_count].
         fluid: Index into the scene's fluids, int32, shape [particle_count].
         id: 0, 1, ... particle_count - 1, int64.
+        apparent_viscosity: [Pa s], float32, shape [particle_count]; None where every viscosity is a constant.
+        yielded: 1 where the fluid flows, 0 where it is a plug, int32, shape [particle_count]; None likewise.
     """
 
     time: float
@@ -37,6 +39,8 @@ class Snapshot:
     pressure: np.ndarray
     fluid: np.ndarray
     id: np.ndarray
+    apparent_viscosity: np.ndarray | None = None
+    yielded: np.ndarray | None = None
 
 
 class State:
@@ -86,15 +90,20 @@ class State:
         self.wall_distance = zeros(float)  # [m]
         needs_gradient = model.formulas.diffusion in BY_GRADIENT
         self.pressure_gradient = zeros(wp.vec3, count if needs_gradient else 1)  # [Pa/m]
+        has_rheology = model.viscous is not None and model.viscous.law is not None
+        self.apparent_viscosity = zeros(float, count if has_rheology else 1)  # of the last step [Pa s]
+        self.yielded = zeros(int, count if has_rheology else 1)  # 0: a plug
         self.particle_dt_limit = zeros(float)  # [s]
         self.particle_fault = zeros(int)
         self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]
 
         self.block_count = -(-count // BLOCK_SIZE)
         self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
-        # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain.
-        self.block_dt_limit = array(np.full(self.block_count + 1, np.inf), float)
-        self.block_fault_slot = array(np.full(self.block_count + 1, -1), int)
+        # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain. The limit by
+        # viscosity, which never changes, has the last.
+        viscous_step = model.viscous.longest_step if model.viscous else np.inf
+        self.block_dt_limit = array(np.append(np.full(self.block_count + 1, np.inf), viscous_step), float)
+        self.block_fault_slot = array(np.full(self.block_count + 2, -1), int)
 
         # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
         # what the lists allow.
@@ -106,12 +115,12 @@ class State:
         self.block_strain = zeros(float, self.strain_block_count + 1)
 
         # The clock, one entry each.
-        run = model.scene.run
         self.time = array(np.array([model.scene.start_time]), wp.float64)  # [s]
         self.target = array(np.array([model.scene.start_time]), wp.float64)  # no step goes beyond it [s]
         self.dt = zeros(float, 1)  # the step that comes next; 0 at the target and after a fault [s]
+        run = model.scene.run
         first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
-        self.dt_limit = array(np.array([first_dt]), float)  # longest stable step [s]
+        self.dt_limit = array(np.array([min(first_dt, viscous_step)]), float)  # longest stable step [s]
         self.step = zeros(int, 1)
         self.stale = zeros(int, 1)  # whether a pair might be missing from the lists before the next step ends
         self.running = zeros(int, 1)  # whether the next step may be taken
@@ -141,6 +150,7 @@ class State:
         position, velocity = folded(
             self.model.edges, self.model.seen_images, self.position.numpy()[order], self.velocity.numpy()[order]
         )
+        has_rheology = self.model.viscous is not None and self.model.viscous.law is not None
         return Snapshot(
             time=float(self.time.numpy()[0]),
             step=int(self.step.numpy()[0]),
@@ -150,4 +160,6 @@ class State:
             pressure=self.model.pressure(density, fluid),
             fluid=fluid,
             id=self.id.numpy()[order].astype(np.int64),
+            apparent_viscosity=self.apparent_viscosity.numpy()[order] if has_rheology else None,
+            yielded=self.yielded.numpy()[order] if has_rheology else None,
         )

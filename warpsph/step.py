@@ -9,6 +9,7 @@ from warpsph.launch import Launch
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.state import BLOCK_SIZE, State
+from warpsph.viscosity import Viscosity
 
 
 class Step:
@@ -22,6 +23,7 @@ class Step:
         sweeps: Sweeps over all pairs a step, each for one half of the rates.
         neighbours: The lists that the step reads.
         bodies: The bodies in the fluid; None where there are none.
+        viscosity: Of the materials themselves; None where they have none.
     """
 
     evaluations, sweeps = 1, 2
@@ -29,6 +31,7 @@ class Step:
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self.model, self.state, self.bodies = model, state, bodies
         self.neighbours = Neighbours(model, state)
+        self.viscosity = Viscosity(model, state, self.neighbours) if model.viscous else None
         self.settling = False
         self._graph, self._graph_settles = None, False
         device = model.launcher.device
@@ -41,6 +44,7 @@ class Step:
         self._record()
         self._pack()
         self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
+        self._find_viscosity()
 
     def __call__(self) -> None:
         """Advance by one step."""
@@ -81,12 +85,18 @@ class Step:
         self._bind(grown)
         self.state.stale.fill_(stale)
         self._pack()
+        self._find_viscosity()
 
     def _pack(self) -> None:
         """Pack position and pressure, where there is no step before to have done it; dt is 0."""
         self.stages["drift, pressure"]()
         if self.neighbours.ghosts:
             self.neighbours.ghosts.move()
+
+    def _find_viscosity(self) -> None:
+        """For who looks at it before the first step."""
+        for launch in self.viscosity.apparent() if self.viscosity else ():
+            launch()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
@@ -107,7 +117,8 @@ class Step:
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
-        launcher, bodies, ghosts = self.model.launcher, self.bodies, self.neighbours.ghosts
+        launcher, bodies, viscosity = self.model.launcher, self.bodies, self.viscosity
+        ghosts = self.neighbours.ghosts
         finish_density = launcher.record(
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
@@ -118,7 +129,10 @@ class Step:
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
             **self._gradients(),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
-            "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), *self._walls()),
+            "pair loop: forces, walls": launcher.chain(
+                self._sweep(continuity=False), *self._walls(), *(viscosity.prepare() if viscosity else ())
+            ),
+            **(viscosity.stages() if viscosity else {}),  # the materials' own viscosities
             **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),  # the reaction
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
@@ -218,7 +232,7 @@ class Step:
     def _clock(self) -> Launch:
         s, m = self.state, self.model
         more = 1 if self.bodies else 0  # an entry of theirs
-        counts = s.block_count + more, s.strain_block_count + more
+        counts = s.block_count + (2 if self.viscosity else more), s.strain_block_count + more
         largest = m.launcher.record(
             neighbours.largest_of_blocks,
             s.strain_block_count,

@@ -1,9 +1,13 @@
 """Laminar viscosity: each form against NumPy's sum over all pairs, what it conserves, how viscous it makes a flow."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.kernels.images import Images
 from warpsph.kernels.laminar import (
     LAMINAR,
     MEAN,
@@ -14,6 +18,7 @@ from warpsph.kernels.laminar import (
     velocity_gradient_kernel,
     viscous_stress,
 )
+from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.smoothing import SMOOTHING
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
@@ -23,40 +28,101 @@ every_smoothing = pytest.mark.parametrize("smoothing", SMOOTHING)
 every_form = pytest.mark.parametrize("form", [*LAMINAR, "stress"])
 
 
-def lists(cloud) -> list[wp.array]:
-    return [cloud.fluids, cloud.neighbour_count, cloud.neighbour_list]
+class Beyond:
+    """Ghosts of a cloud, made by hand; of none when nothing is given.
+
+    Attributes:
+        images: What the kernels read of the images.
+        source, image: Of each ghost, on the device.
+    """
+
+    def __init__(self, cloud, images: Sequence[dict] = (), reach: float = 0.0) -> None:
+        """`images` hold R, t [m], F, f [m/s] and, if the velocity is extrapolated from a wall, its normal and offset
+        [m]; every particle has a ghost in each, but for those farther than `reach` [m] from all particles."""
+        n, array = len(cloud.x), cloud.array
+        self.images = Images()
+        self.images.count = len(images)
+        rotation = np.reshape([image["R"] for image in images], (-1, 3, 3))
+        translation = np.reshape([image["t"] for image in images], (-1, 3))
+        self.images.rotation, self.images.translation = array(rotation, wp.mat33), array(translation, wp.vec3)
+        self.images.friction = array(np.reshape([image["F"] for image in images], (-1, 3, 3)), wp.mat33)
+        self.images.friction_velocity = array(np.reshape([image["f"] for image in images], (-1, 3)), wp.vec3)
+        walls = [image.get("wall") for image in images]
+        self.images.extrapolates = array([int(wall is not None) for wall in walls], int)
+        self.images.wall_normal = array([wall[0] if wall else (0, 0, 0) for wall in walls], wp.vec3)
+        self.images.wall_offset = array([wall[1] if wall else 0.0 for wall in walls], float)
+        self.images.wall_velocity = array(np.zeros((len(walls), 3)), wp.vec3)
+
+        seen = [
+            (j, k, R @ x + t)
+            for k, (R, t) in enumerate(zip(rotation, translation, strict=True))
+            for j, x in enumerate(cloud.x)
+        ]
+        ghosts = [ghost for ghost in seen if np.linalg.norm(cloud.x - ghost[2], axis=1).min() < reach]
+        self.source = array([j for j, _, _ in ghosts], int)
+        self.image = array([k for _, k, _ in ghosts], int)
+        self.x = np.reshape([x for _, _, x in ghosts], (-1, 3))
+        V = cloud.V[self.source.numpy()]
+        everything = np.concatenate([np.column_stack([cloud.x, cloud.V]), np.column_stack([self.x, V])])
+        self.position_volume = array(everything, wp.vec4)
+        # Every other particle, then every ghost is on the list of each particle.
+        inner = cloud.neighbour_list.numpy().reshape((n - 1, n) if cloud.by_column else (n, n - 1))
+        rows = np.concatenate(
+            [inner.T if cloud.by_column else inner, np.broadcast_to(n + np.arange(len(ghosts)), (n, len(ghosts)))], 1
+        )
+        cloud.parameters.row_stride, cloud.parameters.column_stride = (1, n) if cloud.by_column else (rows.shape[1], 1)
+        self.list = array((rows.T if cloud.by_column else rows).ravel(), int)
+        self.inner_count, self.count = array(np.full(n, n - 1), int), array(np.full(n, rows.shape[1]), int)
+
+    def lists(self) -> list[wp.array]:
+        return [self.inner_count, self.count, self.list, self.source, self.image]
 
 
-def velocity_gradient(cloud, renormalise: bool = False) -> np.ndarray:
+def packed_velocity(cloud, last: np.ndarray) -> wp.array:
+    """(u, x, w, `last`) as pair loops of the plane read it."""
+    return cloud.array(np.column_stack([cloud.u[:, 0], cloud.x[:, 0], cloud.u[:, 2], last]), wp.vec4)
+
+
+def layout(cloud):
+    return replace(CUDA_LAYOUT if cloud.launcher.device.is_cuda else CPU_LAYOUT, by_column=cloud.by_column)
+
+
+def read(cloud, beyond: Beyond, last: np.ndarray) -> list[object]:
+    """What the pair loops of velocity begin with."""
+    packed = [cloud.launcher.packed(array) for array in (beyond.position_volume, packed_velocity(cloud, last))]
+    return [beyond.images, len(cloud.x), *packed, beyond.position_volume]
+
+
+def velocity_gradient(cloud, renormalise: bool = False, beyond: Beyond | None = None) -> np.ndarray:
     """L_i [1/s], shape [n, 3, 3]."""
-    inputs = [cloud.position_volume, cloud.velocity_pressure, cloud.neighbour_count, cloud.neighbour_list]
-    (L,) = cloud.run(velocity_gradient_kernel(cloud.smoothing, renormalise), inputs, [wp.mat33])
+    kernel = velocity_gradient_kernel(cloud.smoothing, renormalise, 2, layout(cloud), beyond is not None)
+    beyond = beyond or Beyond(cloud)
+    (L,) = cloud.run(kernel, [*read(cloud, beyond, cloud.p), *beyond.lists()], [wp.mat33])
     return L
 
 
-def stress(cloud, mu: np.ndarray, renormalise: bool = False) -> np.ndarray:
+def stress(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> np.ndarray:
     """T_i [Pa], shape [n, 3, 3]."""
     gradient, stress = (cloud.array(np.zeros((len(mu), 3, 3)), wp.mat33) for _ in range(2))
-    gradient.assign(velocity_gradient(cloud, renormalise))
+    gradient.assign(velocity_gradient(cloud, False, beyond))
     cloud.launcher.run(viscous_stress, len(mu), [gradient, cloud.array(mu, float), 2, stress])
     return stress.numpy().astype(float)
 
 
-def divergence(cloud, T: np.ndarray) -> np.ndarray:
-    """div T / rho [m/s2], shape [n, 3]."""
-    inputs = [cloud.position_volume, *lists(cloud), cloud.array(T, wp.mat33)]
-    (found,) = cloud.run(stress_acceleration_kernel(cloud.smoothing), inputs, [wp.vec3])
-    return found
-
-
-def acceleration(cloud, form: str, mu: np.ndarray | float, mean: str = "arithmetic") -> np.ndarray:
+def acceleration(
+    cloud, form: str, mu: np.ndarray | float, mean: str = "arithmetic", beyond: Beyond | None = None
+) -> np.ndarray:
     """By the viscosity `mu` [Pa s] in one of the two pair forms, or by the divergence of its stress; shape [n, 3]."""
-    mu = np.broadcast_to(mu, len(cloud.x))
+    mu, with_images = np.broadcast_to(mu, len(cloud.x)), beyond is not None
     if form == "stress":
-        return divergence(cloud, stress(cloud, mu))
-    inputs = [cloud.position_volume, cloud.velocity_pressure, *lists(cloud), cloud.array(mu, float), 2]
-    (found,) = cloud.run(laminar_acceleration_kernel(cloud.smoothing, form, mean), inputs, [wp.vec3])
-    return found
+        T, L = stress(cloud, mu, beyond), velocity_gradient(cloud, False, beyond)
+        beyond = beyond or Beyond(cloud)
+        inputs = [beyond.images, len(cloud.x), beyond.position_volume, cloud.fluids, *beyond.lists()]
+        inputs += [cloud.array(mu, float), cloud.array(L, wp.mat33), cloud.array(T, wp.mat33)]
+        return cloud.run(stress_acceleration_kernel(cloud.smoothing, with_images), inputs, [wp.vec3])[0]
+    kernel = laminar_acceleration_kernel(cloud.smoothing, form, mean, 2, layout(cloud), with_images)
+    beyond = beyond or Beyond(cloud)
+    return cloud.run(kernel, [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists()], [wp.vec3])[0]
 
 
 def random_viscosity(cloud) -> np.ndarray:
@@ -242,7 +308,7 @@ def fastest_decay(cloud, form: str) -> float:
     u = np.random.default_rng(8).normal(size=(len(cloud.x), 3)) * [1, 0, 1]
     for _ in range(80):
         rate = float(np.linalg.norm(u))
-        cloud.velocity_pressure = cloud.array(np.column_stack([u / rate, cloud.p]), wp.vec4)
+        cloud.u = u / rate
         u = acceleration(cloud, form, 1.0)
     return float(np.linalg.norm(u))
 
@@ -275,6 +341,82 @@ def test_artificial_viscosity_as_a_real_one(make_cloud, lattice, viscosity, erro
 )
 def test_artificial_share_in_closed_form(viscosity, smoothing, share):
     assert artificial_share(viscosity, smoothing, 2) == pytest.approx(share, rel=1e-6)
+
+
+# ------------------------------------------------------------------------------------------------------------ ghosts
+
+
+def edge(R, t, F, f=(0.0, 0.0, 0.0), **more) -> dict:
+    return {"R": np.diag(R).astype(float), "t": np.array(t), "F": np.diag(F).astype(float), "f": f, **more}
+
+
+# Cells of 9 x 9 particles, 0.9 m wide, centred on the origin: their edges are at +-0.45 m.
+PERIODIC = [edge([1, 1, 1], [0.9 * a, 0.0, 0.9 * b], [1, 1, 1]) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
+FLOOR = {
+    "free_slip": edge([1, 1, -1], [0.0, 0.0, -0.9], [1, 1, -1]),
+    "no_slip_opposite": edge([1, 1, -1], [0.0, 0.0, -0.9], [-1, -1, -1], (2.0, 0.0, 0.0)),
+}
+
+
+def with_copies(make_cloud, x, u, mu, images: list[dict]) -> tuple:
+    """A cloud with ghosts in `images`, and one in which those are particles too, with the viscosity of each."""
+    xs = [x, *(x @ image["R"].T + image["t"] for image in images)]
+    us = [u, *(u @ image["F"].T + image["f"] for image in images)]
+    return make_cloud(x, u=u), make_cloud(np.concatenate(xs), u=np.concatenate(us)), np.tile(mu, len(xs))
+
+
+@pytest.mark.parametrize("images", [PERIODIC, *([wall] for wall in FLOOR.values())], ids=["periodic", *FLOOR])
+@every_form
+def test_a_ghost_acts_as_the_particle_that_it_shows(make_cloud, lattice, form, images):
+    """At all particles, and the velocity gradient there, against real particles in the ghosts' places."""
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    u, mu = random.normal(size=x.shape) * [1, 0, 1], 10.0 ** random.uniform(0.0, 1.0, len(x))
+    cloud, full, all_mu = with_copies(make_cloud, x, u, mu, images)
+    beyond = Beyond(cloud, images, 2.5 * cloud.h)
+    for renormalise in (False, True):
+        L = velocity_gradient(cloud, renormalise, beyond)
+        assert_same(L, velocity_gradient(full, renormalise)[: len(x)])
+    if form == "stress":
+        # The copies at the rim do not see all of what they would: their stress is that of the particles they copy.
+        images_of = [(np.eye(3), np.eye(3)), *((image["F"], image["R"]) for image in images)]
+        L = velocity_gradient(cloud, False, beyond)
+        gradients = np.concatenate([F @ L @ R.T for F, R in images_of])
+        D = gradients + np.swapaxes(gradients, 1, 2)
+        D -= np.trace(gradients, axis1=1, axis2=2)[:, None, None] * np.diag([1.0, 0.0, 1.0])
+        T = all_mu[:, None, None] * D
+        factor = full.m / (full.rho[:, None] * full.rho)
+        expected = np.einsum("ij,ijkl,ijl->ik", factor, T[:, None] + T, full.grad_W)
+    else:
+        expected = acceleration(full, form, all_mu)
+    assert_same(acceleration(cloud, form, mu, beyond=beyond), expected[: len(x)])
+
+
+@every_form
+def test_momentum_is_conserved_across_periodic_edges(make_cloud, lattice, form):
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    cloud = make_cloud(x, u=random.normal(size=x.shape) * [1, 0, 1])
+    force = acceleration(cloud, form, random_viscosity(cloud), beyond=Beyond(cloud, PERIODIC, 2.5 * cloud.h))
+    assert np.all(np.abs(force.sum(axis=0)) < TOLERANCE * np.abs(force).sum())
+
+
+def test_a_wall_that_is_extrapolated_to(make_cloud, lattice):
+    """Takeda et al. (1994): -(d_j / d_i) u_i beyond a floor at rest, at most -u_i / 2 (Morris et al. 1997)."""
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    u = random.normal(size=x.shape) * [1, 0, 1]
+    floor = edge([1, 1, -1], [0.0, 0.0, -0.9], [1, 1, 1], wall=((0.0, 0.0, 1.0), -0.45))
+    cloud = make_cloud(x, u=u)
+    beyond = Beyond(cloud, [floor], 2.5 * cloud.h)
+    mu = random_viscosity(cloud)
+    found = acceleration(cloud, "morris", mu, beyond=beyond) - acceleration(cloud, "morris", mu)
+    j, d = beyond.source.numpy(), cloud.x[:, 2] + 0.45
+    factor = 1.0 + np.minimum(d[j] / d[:, None], 0.5)
+    x_ij = cloud.x[:, None] - beyond.x
+    q = np.linalg.norm(x_ij, axis=2) / cloud.h
+    slope = np.where(q < 2.0, -5.0 * (1.0 - q / 2.0) ** 3, 0.0) * cloud.parameters.gradient_norm
+    both = np.add.outer(mu, mu[j])
+    expected = np.einsum("ij,ik->ik", cloud.V[j] * both * slope * factor, cloud.u) / cloud.rho[:, None]
+    assert np.abs(expected).max() > 0.0
+    assert_same(found, expected)
 
 
 @every_form

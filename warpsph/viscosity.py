@@ -1,0 +1,152 @@
+"""The stage of a step that adds the acceleration by the materials' own viscosities."""
+
+from collections.abc import Callable
+
+import warp as wp
+
+from warpsph.kernels import laminar
+from warpsph.kernels.images import Images
+from warpsph.kernels.rheology import apparent_viscosity_kernel
+from warpsph.launch import Launch
+from warpsph.model import Model
+from warpsph.neighbours import Neighbours
+from warpsph.rheology import legendre_stages
+from warpsph.state import State
+
+
+class Viscosity:
+    """Acceleration by viscosity, given positions, velocity, the other accelerations and dt.
+
+    One sweep where sound limits the step. Where viscosity would, the stages of a Runge-Kutta-Legendre scheme carry
+    du/dt = F + L(u) over the step at the positions of its middle, and the acceleration is their mean over the step:
+    a step by sound costs the square root of what single sweeps would. The apparent viscosity of the velocity that is
+    predicted for the middle of the step holds for all stages, so that L is linear.
+
+    Attributes:
+        velocity_viscosity: What the sweeps read, (u, v, w, mu), in a plane (u, x, w, mu); two in turn with stages.
+        viscosity: mu_i [Pa s].
+        rate: L [m/s2], of the first stage and of the last.
+        mean_rate: Of the stages so far [m/s2], two in turn.
+    """
+
+    def __init__(self, model: Model, state: State, neighbours: Neighbours) -> None:
+        self.model, self.state, self.neighbours = model, state, neighbours
+        count, device = model.particle_count, model.launcher.device
+        by_stages, by_stress = model.viscous.stages > 1, model.viscous.form == "stress"
+
+        def zeros(dtype: type, wanted: bool = True) -> wp.array:
+            return wp.zeros(count if wanted else 1, dtype=dtype, device=device)
+
+        self.velocity_viscosity = (zeros(wp.vec4), zeros(wp.vec4, by_stages))
+        self.viscosity = state.apparent_viscosity if model.viscous.law else zeros(float)
+        self.rate = (zeros(wp.vec3), zeros(wp.vec3, by_stages))
+        self.mean_rate = (zeros(wp.vec3, by_stages), zeros(wp.vec3, by_stages))
+        self.velocity_gradient = zeros(wp.mat33, bool(model.viscous.law) or by_stress)
+        self.stress = zeros(wp.mat33, by_stress)
+        self._images = model.images or Images()
+        self._no_ghosts = wp.zeros(1, dtype=int, device=device)
+
+    def arrays(self) -> list[wp.array]:
+        """What it has allocated."""
+        mine = [*self.velocity_viscosity, *self.rate, *self.mean_rate, self.velocity_gradient, self.stress]
+        return mine if self.model.viscous.law else [*mine, self.viscosity]
+
+    def prepare(self) -> list[Launch]:
+        """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads."""
+        m, s, packed = self.model, self.state, self.velocity_viscosity[0]
+        if m.viscous.stages == 1:
+            start = self._record(laminar.with_viscosity, s.velocity_pressure, self.viscosity, packed)
+        else:
+            start = self._record(
+                laminar.start_stages, m.parameters, s.position_volume, s.velocity, self.viscosity, packed
+            )
+        return [*self.apparent(), start]
+
+    def apparent(self) -> list[Launch]:
+        """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
+        m, s = self.model, self.state
+        if m.viscous.law is None:
+            return [self._record(laminar.newtonian_viscosity, m.viscous.rheology, s.fluid, self.viscosity)]
+        law = apparent_viscosity_kernel(m.viscous.law, m.viscous.regularisation)
+        numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
+        return [
+            self._gradient(s.velocity_pressure, renormalise=True),
+            self._record(law, *numbers, self.viscosity, s.yielded),
+        ]
+
+    def stages(self, share: float = 1.0) -> dict[str, Launch | Callable[[], None]]:
+        """Launches that add the acceleration by viscosity to `state.dissipative_acceleration`, in order.
+
+        With stages it is the mean over `share` of the step that begins with `state.velocity`, with the other
+        accelerations of the state.
+        """
+        chain, count = self.model.launcher.chain, self.model.viscous.stages
+        dissipative = self.state.dissipative_acceleration
+        if count == 1:
+            *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
+            add = self._record(laminar.add_acceleration, self.rate[0], dissipative)
+            return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, add)}
+        launches = {}
+        for j, stage in enumerate(legendre_stages(count), 1):
+            read, written = self.velocity_viscosity[(j + 1) % 2], self.velocity_viscosity[j % 2]
+            rate = self.rate[0] if j == 1 else self.rate[1]
+            *before, sweep = self._sweep(read, rate)
+            s, mean = self.state, self.mean_rate[j % 2]
+            update = self._record(
+                laminar.viscous_stage,
+                *(self.model.parameters, share, stage.before, stage.second, stage.rate, stage.first, stage.elapsed),
+                *(s.dt, s.velocity, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
+                *(s.fluid, s.position_volume, self.viscosity, rate, self.rate[0], self.mean_rate[(j + 1) % 2]),
+                *(mean, written),
+            )
+            last = [self._record(laminar.add_acceleration, mean, dissipative)] if j == count else []
+            name = f"viscosity, stage {j} of {count}"
+            launches |= {**self._named(f"{name}, stress", before), name: chain(sweep, update, *last)}
+        return launches
+
+    # ---------------------------------------------------------------------------------------------------- the launches
+
+    def _record(self, kernel: wp.Kernel, *arguments: object) -> Launch:
+        return self.model.launcher.record(kernel, self.model.particle_count, arguments)
+
+    def _named(self, name: str, launches: list[Launch]) -> dict[str, Launch]:
+        return {name: self.model.launcher.chain(*launches)} if launches else {}
+
+    def _sweep(self, velocity_viscosity: wp.array, rate: wp.array) -> list[Launch]:
+        """L of a velocity; what comes before the last launch must be over when that begins."""
+        m, s = self.model, self.state
+        if m.viscous.form == "stress":
+            stress = [self.velocity_gradient, self.viscosity, m.parameters.dimensions, self.stress]
+            return [
+                self._gradient(velocity_viscosity, renormalise=False),
+                self._record(laminar.viscous_stress, *stress),
+                self._record(
+                    laminar.stress_acceleration_kernel(m.formulas.smoothing, m.images is not None),
+                    *(m.parameters, self._images, m.particle_count, s.position_volume, s.fluid, *self._lists()),
+                    *(self.viscosity, self.velocity_gradient, self.stress, rate),
+                ),
+            ]
+        kernel = laminar.laminar_acceleration_kernel(
+            m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
+        )
+        return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), rate)]
+
+    def _gradient(self, packed_velocity: wp.array, renormalise: bool) -> Launch:
+        m = self.model
+        kernel = laminar.velocity_gradient_kernel(
+            m.formulas.smoothing, renormalise, m.formulas.dimensions, m.layout, m.images is not None
+        )
+        return self._record(kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient)
+
+    def _read(self, packed_velocity: wp.array) -> list[object]:
+        """What the pair loops of velocity begin with."""
+        m, place = self.model, self.state.position_volume
+        packed = [m.launcher.packed(place), m.launcher.packed(packed_velocity)]
+        return [m.parameters, self._images, m.particle_count, *packed, place]
+
+    def _lists(self) -> list[wp.array]:
+        """The neighbours: particles, then ghosts."""
+        n, ghosts = self.neighbours, self.neighbours.ghosts
+        if ghosts is None:
+            return [n.count, n.count, n.list, self._no_ghosts, self._no_ghosts]
+        return [ghosts.inner_count, n.count, n.list, ghosts.source, ghosts.image]
