@@ -56,9 +56,10 @@ def collapsing(make_collapse, device) -> Simulation:
     return simulation
 
 
-def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
+@pytest.mark.parametrize("integrator", ["verlet", "predictor_corrector", "runge_kutta"])
+def test_goes_on_bit_for_bit(make_collapse, device, tmp_path, integrator):
     """Through two checkpoints, the second of them made by a run that was itself resumed."""
-    whole = Simulation(make_collapse(), device)
+    whole = Simulation(make_collapse(f"run.integrator={integrator}"), device)
     for time in (0.05, 0.1):
         whole.advance(time)
         write_checkpoint(tmp_path, whole)

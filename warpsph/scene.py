@@ -510,6 +510,11 @@ class Run(Part):
     courant: Annotated[Real, Field(gt=0, le=1)] = Field(
         0.5, description="Courant number: dt = courant h / (c + u) [-]."
     )
+    integrator: Literal["verlet", "predictor_corrector", "runge_kutta"] = Field(
+        "verlet",
+        description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
+        "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
+    )
     max_steps: Annotated[int, Field(strict=True, gt=0)] | None = Field(
         None, description="Greatest number of steps [-]; no limit when absent."
     )
@@ -628,6 +633,8 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"fluids[{i}].fill.above", f"no wall named '{fluid.fill.above}'{nearest(fluid.fill.above, names)}"
     for i, body in enumerate(scene.bodies):
         yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
+    if scene.bodies and scene.run.integrator == "predictor_corrector":
+        yield "run.integrator", "predictor_corrector does not move bodies; take verlet or runge_kutta"
 
 
 def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:

@@ -85,6 +85,9 @@ class State:
         self.wall_distance = zeros(float)  # [m]
         needs_gradient = model.formulas.diffusion in BY_GRADIENT
         self.pressure_gradient = zeros(wp.vec3, count if needs_gradient else 1)  # [Pa/m]
+        averages = model.scene.run.integrator == "predictor_corrector"  # the rates at both ends of the step
+        self.first_dissipative = zeros(wp.vec3, count if averages else 1)  # at its beginning [m/s2]
+        self.first_wall = zeros(wp.vec3, count if averages else 1)
         self.particle_dt_limit = zeros(float)  # [s]
         self.particle_fault = zeros(int)
         self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]

@@ -1,5 +1,8 @@
 """One time step, told in order. Nothing else knows the order of things."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
 import warp as wp
 
 from warpsph.coupling import Coupling
@@ -10,25 +13,27 @@ from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.state import BLOCK_SIZE, State
 
+Stage = Launch | Callable[[], None]
+
 
 class Step:
-    """Advances a state by Verlet steps of length `state.dt` (Vasco 2014, eq 76-80).
+    """Advances a state by steps of length `state.dt`, by the integrator that the scene names (INTEGRATORS).
 
     Within a step nothing is read back by the host and nothing is allocated.
 
     Attributes:
         stages: What a step does, in order: a launch for each physical act.
         evaluations: Evaluations of the forces a step.
-        sweeps: Sweeps over all pairs a step, each for one half of the rates.
+        sweeps: Sweeps over all pairs a step; those of Verlet give one half of the rates each.
         neighbours: The lists that the step reads.
         bodies: The bodies in the fluid; None where there are none.
     """
 
-    evaluations, sweeps = 1, 2
-
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self.model, self.state, self.bodies = model, state, bodies
         self.neighbours = Neighbours(model, state)
+        self.integrator = INTEGRATORS[model.scene.run.integrator]
+        self.evaluations, self.sweeps = self.integrator.evaluations, self.integrator.sweeps
         self.settling = False
         self._graph, self._graph_settles = None, False
         device = model.launcher.device
@@ -39,8 +44,9 @@ class Step:
         )
         self._rebuild()
         self._record()
-        self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
-        self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
+        self._pack()
+        if self.evaluations == 1:
+            self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
 
     def __call__(self) -> None:
         """Advance by one step."""
@@ -80,7 +86,7 @@ class Step:
             grown |= self.bodies.relist()
         self._bind(grown)
         self.state.stale.fill_(stale)
-        self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
+        self._pack()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
@@ -101,12 +107,22 @@ class Step:
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
-        launcher, bodies = self.model.launcher, self.bodies
+        self.stages = self.integrator.stages(self)
+
+    def _pack(self) -> None:
+        """Position and pressure as the pair loops read them: the first stage, with dt = 0."""
+        next(iter(self.stages.values()))()
+
+    # ---------------------------------------------------------------------------------------------- the integrators
+
+    def verlet(self) -> dict[str, Stage]:
+        """Drift, kick, drift: Vasco (2014) eq 76-80. Half of the rates at a time, momentum in the middle."""
+        s, launcher, bodies = self.state, self.model.launcher, self.bodies
         finish_density = launcher.record(
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
         # What does not wait for all particles is chained: threads that meet less often wait less.
-        self.stages = {
+        return {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
             **self._gradients(),
@@ -119,8 +135,37 @@ class Step:
             "pair loop: continuity, density, watch": launcher.chain(
                 self._sweep(momentum=False), finish_density, self._bound_motion(), self._watch()
             ),
+            **self._end(),
+        }
+
+    def two_stage(self) -> dict[str, Stage]:
+        """All rates where the step begins, then all rates at what is predicted with them: Vasco (2014) 4.12.1, 4.12.3.
+
+        Bodies drift, kick, drift: of the rates in the middle of a step, those of runge_kutta, they have the reaction.
+        """
+        launcher, bodies = self.model.launcher, self.bodies
+        return {
+            "pressure": self._launch_pack(),
+            **self._evaluation(),
+            "predict": self._predict(),
+            **({"drift of bodies": bodies.drift_half()} if bodies else {}),
+            **self._evaluation(" ahead"),
+            **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),
+            "correct": self._correct(),  # everything to n+1, work, limits of the next step
+            **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
+            "watch": launcher.chain(self._bound_motion(), self._watch()),
+            **self._end(),
+        }
+
+    def _evaluation(self, where: str = "") -> dict[str, Stage]:
+        """All rates, and XSPH, in one sweep; `where` tells it from another of the same step."""
+        gradients = {name + where: launch for name, launch in self._gradients().items()}
+        return gradients | {f"pair loop: rates, walls{where}": self.model.launcher.chain(self._sweep(), *self._walls())}
+
+    def _end(self) -> dict[str, Stage]:
+        return {
             "life of the lists": self._compare_motion(),
-            **({"limits by bodies": bodies.watch()} if bodies else {}),
+            **({"limits by bodies": self.bodies.watch()} if self.bodies else {}),
             "clock": self._clock(),  # time and the next step
         }
 
@@ -177,6 +222,33 @@ class Step:
             *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
         )
 
+    def _launch_pack(self) -> Launch:
+        s = self.state
+        packed = (s.position_volume, s.velocity_pressure)
+        return self._launch(integrators.pack, s.position, s.velocity, s.density, s.fluid, *packed)
+
+    def _predict(self) -> Launch:
+        s = self.state
+        return self._launch(
+            integrators.predict,
+            *(integrators.REACH[self.model.scene.run.integrator], s.dt),
+            *(s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
+            *(s.xsph_velocity, s.density_rate, s.diffusion_rate, s.fluid, s.velocity),
+            *(s.position, s.density, s.position_volume, s.velocity_pressure),
+            *(s.acceleration, s.particle_work, s.first_dissipative, s.first_wall),
+        )
+
+    def _correct(self) -> Launch:
+        s = self.state
+        return self._launch(
+            integrators.correct,
+            *(integrators.REACH[self.model.scene.run.integrator], s.dt, s.damping),
+            *(s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration, s.wall_distance),
+            *(s.xsph_velocity, s.density_rate, s.diffusion_rate, s.first_dissipative, s.first_wall, s.fluid),
+            *(s.position, s.velocity, s.density, s.position_volume, s.velocity_pressure),
+            *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
+        )
+
     def _bound_motion(self) -> Launch:
         s, m = self.state, self.model
         lookahead = 1.25  # the next step may be a quarter longer than this one
@@ -226,3 +298,25 @@ class Step:
             ],
         )
         return m.launcher.chain(largest, advance)
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A way to take a step.
+
+    Attributes:
+        stages: What a step does, in order; the first stage packs what the pair loops read.
+        evaluations: Evaluations of the forces a step.
+        sweeps: Sweeps over all pairs a step.
+    """
+
+    stages: Callable[[Step], dict[str, Stage]]
+    evaluations: int
+    sweeps: int
+
+
+INTEGRATORS: Mapping[str, Integrator] = {
+    "verlet": Integrator(Step.verlet, evaluations=1, sweeps=2),
+    "predictor_corrector": Integrator(Step.two_stage, evaluations=2, sweeps=2),
+    "runge_kutta": Integrator(Step.two_stage, evaluations=2, sweeps=2),
+}
