@@ -197,6 +197,11 @@ def test_an_anchor_is_its_value(load):
             "bodies:\n  - {name: log, density: 500, shape: {disc: {center: [1, 1], radius: 0.2}}}",
             "tank.yaml:14: run.integrator: predictor_corrector does not move bodies; take verlet or runge_kutta",
         ),
+        (
+            "spacing: 0.1",
+            "spacing: 0.1\ndensity_filter: {model: mls, every: 0}",
+            "tank.yaml:3: density_filter.every: must be more than 0, not 0",
+        ),
         # names that lead nowhere
         (
             "material: water",

@@ -41,6 +41,15 @@ run: {end_time: 1.0}
 """
 INTEGRATORS = ("verlet", "predictor_corrector", "runge_kutta")
 every_integrator = pytest.mark.parametrize("integrator", INTEGRATORS)
+FILTERED = "density_filter={model: mls, every: 3}"
+SCHEMES = {
+    "verlet": [],
+    "predictor_corrector": ["run.integrator=predictor_corrector"],
+    "runge_kutta": ["run.integrator=runge_kutta"],
+    "filter": [FILTERED],
+    "filter, runge_kutta": [FILTERED, "run.integrator=runge_kutta"],
+}
+every_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]
 
 
@@ -136,9 +145,9 @@ def test_free_fall(make_scene, device, integrator):
     np.testing.assert_allclose(fallen[:, :2], 0.0, rtol=0, atol=1e-6)
 
 
-@every_integrator
-def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device, integrator):
-    simulation = Simulation(make_collapse(f"run.integrator={integrator}"), device)
+@every_scheme
+def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device, scheme):
+    simulation = Simulation(make_collapse(*scheme), device)
     state, mass = simulation.state, simulation.model.parameters.mass.numpy()
 
     def momentum() -> np.ndarray:
@@ -148,7 +157,7 @@ def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device, inte
     for dt in step_by_step(simulation, 0.2):
         m = mass[state.fluid.numpy()].astype(float)
         by_walls = state.wall_acceleration.numpy().astype(float)
-        if integrator == "predictor_corrector":
+        if "run.integrator=predictor_corrector" in scheme:
             by_walls = 0.5 * (state.first_wall.numpy() + by_walls)
         step = dt * (m.sum() * np.array([0.0, 0.0, -9.81]) + m @ by_walls)
         impulse, transferred = impulse + step, transferred + np.abs(step).sum()
@@ -156,10 +165,10 @@ def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device, inte
     np.testing.assert_allclose(momentum() - before, impulse, rtol=0, atol=TOLERANCE * transferred)
 
 
-@every_integrator
-def test_mass_is_exact(make_collapse, device, integrator):
+@every_scheme
+def test_mass_is_exact(make_collapse, device, scheme):
     """Of each fluid, and of each particle: it stays what it was and keeps its fluid."""
-    simulation = Simulation(make_collapse(f"run.integrator={integrator}"), device)
+    simulation = Simulation(make_collapse(*scheme), device)
     before = [motion.mass for motion in simulation.energy.measure()[1]]
     simulation.advance(0.2)
     assert simulation.step.neighbours.rebuilds > 10
@@ -169,9 +178,9 @@ def test_mass_is_exact(make_collapse, device, integrator):
     assert [motion.mass for motion in simulation.energy.measure()[1]] == pytest.approx(before, rel=1e-14)
 
 
-@every_integrator
-def test_plane_stays_plane(make_collapse, device, integrator):
-    simulation = Simulation(make_collapse(f"run.integrator={integrator}"), device)
+@every_scheme
+def test_plane_stays_plane(make_collapse, device, scheme):
+    simulation = Simulation(make_collapse(*scheme), device)
     simulation.advance(0.1)
     assert not simulation.state.position.numpy()[:, 1].any()
 
@@ -188,6 +197,20 @@ def test_time_and_limits_of_the_step(make_collapse, device):
         assert steps and max(steps) <= 0.5 * 0.03 / 30.0 * (1 + TOLERANCE)
     simulation.advance(0.05)
     assert simulation.time == 0.05
+
+
+# --------------------------------------------------------------------------------------------------- density filter
+
+
+def test_density_is_filtered_in_every_nth_step(make_collapse, device):
+    """Until then nothing has happened, to the bit; and then it has."""
+    off, on = (
+        Simulation(make_collapse(*overrides), device)
+        for overrides in ([], ["density_filter={model: shepard, every: 7}"])
+    )
+    steps = zip(step_by_step(off, 0.02), step_by_step(on, 0.02), strict=False)
+    same = [off.state.density.numpy().tobytes() == on.state.density.numpy().tobytes() for _ in steps]
+    assert same[:6] == [True] * 6 and not any(same[6:])
 
 
 # ------------------------------------------------------------------------------------------------ neighbour lists
@@ -227,10 +250,10 @@ def test_lists_that_grow_on_the_way(make_collapse, device, monkeypatch):
     assert runs[0] == runs[1]
 
 
-@every_integrator
-def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, monkeypatch, integrator):
+@every_scheme
+def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, monkeypatch, scheme):
     """So that it can be captured as a graph: time, step and the state of the lists stay on the device."""
-    simulation = Simulation(make_collapse(f"run.integrator={integrator}"), device)
+    simulation = Simulation(make_collapse(*scheme), device)
     simulation.advance(0.01)
     simulation.step.aim_at(1.0)
     done: list[str] = []
@@ -245,12 +268,12 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
     assert done == ["__init__", "numpy"], "the test does not notice"
 
 
-@every_integrator
-def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device, integrator):
+@every_scheme
+def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device, scheme):
     """The graph that a GPU replays from one list to the next, here on whatever device there is."""
     runs = []
     for replays in (False, True):
-        simulation = Simulation(make_collapse(f"run.integrator={integrator}"), device, threads=1)
+        simulation = Simulation(make_collapse(*scheme), device, threads=1)
         simulation.step._can_replay = replays
         for time in (0.01, 0.05):
             simulation.advance(time)
@@ -264,13 +287,7 @@ def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device, int
 
 
 @pytest.mark.parametrize(
-    "overrides",
-    [
-        [],
-        ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"],
-        ["run.integrator=predictor_corrector"],
-        ["run.integrator=runge_kutta"],
-    ],
+    "overrides", [*SCHEMES.values(), ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]]
 )
 def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, overrides):
     runs = []

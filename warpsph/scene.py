@@ -291,6 +291,17 @@ class DensityDiffusion(Part):
     delta: NotNegative = Field(0.1, description="Coefficient of the diffusion [-].")
 
 
+class DensityFilter(Part):
+    """Density made anew from that of all around, now and then."""
+
+    model: Literal["none", "shepard", "mls"] = Field(
+        "none",
+        description="How it is interpolated [-]: none leaves it, shepard is exact for constants, mls (moving least "
+        "squares) for linear fields.",
+    )
+    every: Annotated[int, Field(strict=True, gt=0)] = Field(20, description="Steps from one time to the next [-].")
+
+
 class Shape(Part):
     """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
@@ -555,6 +566,7 @@ class Scene(Part):
     )
     viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
+    density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
     walls: tuple[Wall, ...] = Field((), description="Walls.")

@@ -85,6 +85,8 @@ class State:
         self.wall_distance = zeros(float)  # [m]
         needs_gradient = model.formulas.diffusion in BY_GRADIENT
         self.pressure_gradient = zeros(wp.vec3, count if needs_gradient else 1)  # [Pa/m]
+        is_filtered = model.scene.density_filter.model != "none"
+        self.filtered_density = zeros(wp.float64, count if is_filtered else 1)  # [kg/m3]
         averages = model.scene.run.integrator == "predictor_corrector"  # the rates at both ends of the step
         self.first_dissipative = zeros(wp.vec3, count if averages else 1)  # at its beginning [m/s2]
         self.first_wall = zeros(wp.vec3, count if averages else 1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from warpsph.coupling import Coupling
-from warpsph.kernels import density, integrators, neighbours, walls
+from warpsph.kernels import corrections, density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
 from warpsph.launch import Launch
 from warpsph.model import Model
@@ -125,6 +125,7 @@ class Step:
         return {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
+            **self._filter(),
             **self._gradients(),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
             "pair loop: forces, walls": launcher.chain(self._sweep(continuity=False), *self._walls()),
@@ -146,6 +147,7 @@ class Step:
         launcher, bodies = self.model.launcher, self.bodies
         return {
             "pressure": self._launch_pack(),
+            **self._filter(),
             **self._evaluation(),
             "predict": self._predict(),
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),
@@ -192,6 +194,26 @@ class Step:
             *(s.pressure_acceleration, s.dissipative_acceleration),
             *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
         )
+
+    def _filter(self) -> dict[str, Launch]:
+        """Density made anew, every so many steps: what pair loops read is in place, and is put in place again."""
+        s, m, n, chosen = self.state, self.model, self.neighbours, self.model.scene.density_filter
+        if chosen.model == "none":
+            return {}
+        kernel = corrections.density_filter_kernel(m.formulas.smoothing, chosen.model)
+        due = (chosen.every, s.step)
+        packed = (s.position_volume, s.velocity_pressure)
+        sums = [m.particle_count, BLOCK_SIZE, *due, s.particle_work, s.work]
+        return {
+            "density filter": self._launch(
+                kernel, *due, s.position_volume, s.fluid, n.count, n.list, s.density, s.filtered_density
+            ),
+            "density, pressure by filter": self._launch(
+                corrections.take_filtered_density,
+                *(*due, s.filtered_density, s.fluid, s.density, *packed, s.particle_work),
+            ),
+            "work of the filter": m.launcher.record(corrections.add_filter_work, s.block_count, sums),
+        }
 
     def _gradients(self) -> dict[str, Launch]:
         """What diffusion needs before the pair loop, if it is of that kind."""
