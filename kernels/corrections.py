@@ -7,6 +7,7 @@ import warp as wp
 
 from .parameters import Parameters
 from .smoothing import SMOOTHING
+from .state_equation import internal_energy, pressure
 
 # Neighbours span space if the mean eigenvalue of their moments and det(M) over the power of that mean are no less. The
 # second is 1 inside a fluid, 0.6 in its corner, and 0.01 where one eigenvalue is 400 times another.
@@ -115,6 +116,117 @@ def filtered_density_kernel(smoothing: str, correction: str) -> wp.Kernel:
         support_out[i] = n * moment
 
     return filtered_density
+
+
+@wp.func
+def is_due(step: int, every: int) -> bool:
+    """Whether the step that follows `step` others is one of every so many."""
+    return (step + 1) % every == 0
+
+
+@cache
+def density_filter_kernel(smoothing: str, correction: str) -> wp.Kernel:
+    """The same as `filtered_density_kernel` of the densities m_j / V_j, every so many steps: Vasco (2014) 4.7.1.
+
+    For `shepard` and `mls`, whose weights add up to 1. Of a neighbour it reads what every pair loop reads; in the steps
+    between it returns at once.
+    """
+    shape = SMOOTHING[smoothing].shape
+    coefficients = CORRECTION[correction]
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def density_filter(
+        first: int,
+        parameters: Parameters,
+        every: int,
+        step: wp.array[int],
+        position_volume: wp.array[wp.vec4],
+        fluid: wp.array[int],
+        neighbour_count: wp.array[int],
+        neighbour_list: wp.array[int],
+        density: wp.array[wp.float64],
+        filtered_out: wp.array[wp.float64],
+    ):
+        """rho_i made anew [kg/m3]; untouched in a step that is not due."""
+        i = first + wp.tid()
+        if not is_due(step[0], every):
+            return
+        xV_i, fluid_i = position_volume[i], fluid[i]
+        x_i, V_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), xV_i[3]
+        m = parameters.mass[fluid_i]
+
+        moment = V_i * shape(0.0)
+        first_moment = wp.vec3()
+        second_moment = wp.mat33()
+        excess = float(0.0)
+        first_excess = wp.vec3()
+        row = i * parameters.row_stride
+        for k in range(neighbour_count[i]):
+            j = neighbour_list[row + k * parameters.column_stride]
+            xV_j = position_volume[j]
+            q_ji = (wp.vec3(xV_j[0], xV_j[1], xV_j[2]) - x_i) * parameters.inverse_h
+            w_ij = wp.where(fluid[j] == fluid_i, xV_j[3] * shape(wp.sqrt(wp.dot(q_ji, q_ji))), 0.0)
+            rho_ji = m * (V_i - xV_j[3]) / (V_i * xV_j[3])
+
+            moment += w_ij
+            first_moment += w_ij * q_ji
+            second_moment += w_ij * wp.outer(q_ji, q_ji)
+            excess += w_ij * rho_ji
+            first_excess += w_ij * rho_ji * q_ji
+        n = parameters.kernel_norm
+        zeta = coefficients(n * moment, n * first_moment, n * second_moment)
+        slant = wp.vec3(zeta[1], zeta[2], zeta[3])
+        filtered_out[i] = density[i] + wp.float64(n * (zeta[0] * excess + wp.dot(slant, first_excess)))
+
+    return density_filter
+
+
+@wp.kernel(enable_backward=False)
+def take_filtered_density(
+    first: int,
+    parameters: Parameters,
+    every: int,
+    step: wp.array[int],
+    filtered: wp.array[wp.float64],
+    fluid: wp.array[int],
+    density_inout: wp.array[wp.float64],
+    position_volume_inout: wp.array[wp.vec4],
+    velocity_pressure_inout: wp.array[wp.vec4],
+    work_out: wp.array[wp.vec3],
+):
+    """Density, volume and pressure by the filter; the internal energy that goes with the change is dissipated [J]."""
+    i = first + wp.tid()
+    if not is_due(step[0], every):
+        return
+    f = fluid[i]
+    old, rho = density_inout[i], filtered[i]
+    rest, c, stiffening = parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f]
+    lost = internal_energy(old, rest, c, stiffening) - internal_energy(rho, rest, c, stiffening)
+    xV, up = position_volume_inout[i], velocity_pressure_inout[i]
+    density_inout[i] = rho
+    position_volume_inout[i] = wp.vec4(xV[0], xV[1], xV[2], parameters.mass[f] / float(rho))
+    velocity_pressure_inout[i] = wp.vec4(up[0], up[1], up[2], pressure(rho, rest, c, stiffening))
+    work_out[i] = wp.vec3(parameters.mass[f] * float(lost), 0.0, 0.0)
+
+
+@wp.kernel(enable_backward=False)
+def add_filter_work(
+    first: int,
+    particle_count: int,
+    block_size: int,
+    every: int,
+    step: wp.array[int],
+    work: wp.array[wp.vec3],
+    total_work_inout: wp.array[wp.vec3d],
+):
+    """What the filter took from a block of particles is added to what was done on it [J]."""
+    block = first + wp.tid()
+    if not is_due(step[0], every):
+        return
+    done = wp.vec3d()
+    for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
+        done += wp.vec3d(work[i])
+    total_work_inout[block] = total_work_inout[block] + done
 
 
 # -------------------------------------------------------------------------------------------------------- gradient

@@ -56,9 +56,18 @@ def collapsing(make_collapse, device) -> Simulation:
     return simulation
 
 
-def test_goes_on_bit_for_bit(make_collapse, device, tmp_path):
+@pytest.mark.parametrize(
+    "scheme",
+    [
+        [],
+        ["run.integrator=predictor_corrector"],
+        ["run.integrator=runge_kutta"],
+        ["density_filter={model: mls, every: 7}"],
+    ],
+)
+def test_goes_on_bit_for_bit(make_collapse, device, tmp_path, scheme):
     """Through two checkpoints, the second of them made by a run that was itself resumed."""
-    whole = Simulation(make_collapse(), device)
+    whole = Simulation(make_collapse(*scheme), device)
     for time in (0.05, 0.1):
         whole.advance(time)
         write_checkpoint(tmp_path, whole)

@@ -57,10 +57,12 @@ def momentum(simulation: Simulation) -> tuple[np.ndarray, float]:
     return total, float(mass.sum() + solid.sum())
 
 
-@pytest.mark.parametrize("force", ["radial", "monaghan_kos_issa"])
-def test_momentum_changes_by_gravity_and_walls_alone(make_scene, force):
+@pytest.mark.parametrize(
+    ("force", "integrator"), [("radial", "verlet"), ("monaghan_kos_issa", "verlet"), ("radial", "runge_kutta")]
+)
+def test_momentum_changes_by_gravity_and_walls_alone(make_scene, force, integrator):
     """Walls by what is left of their push on the fluid once the reaction of the bodies is taken off, and by contact."""
-    simulation = Simulation(make_scene(RAFT, f"wall_model.force={force}"))
+    simulation = Simulation(make_scene(RAFT, f"wall_model.force={force}", f"run.integrator={integrator}"))
     advance(simulation, 0.0)
     state, bodies = simulation.state, simulation.bodies.set
     (before, mass), impulse, exchanged = momentum(simulation), np.zeros(3), 0.0

@@ -11,8 +11,14 @@ TOLERANCE = 1e-3
 
 @pytest.mark.parametrize(
     "overrides",
-    [[], ["viscosity=monaghan", "xsph=0.0", "tensile_correction=false"]],
-    ids=["as shipped", "monaghan"],
+    [
+        [],
+        ["viscosity=monaghan", "xsph=0.0", "tensile_correction=false"],
+        ["run.integrator=predictor_corrector"],
+        ["density_filter={model: mls, every: 20}", "xsph=0.0"],
+        ["run.integrator=runge_kutta", "xsph=0.0"],
+    ],
+    ids=["as shipped", "monaghan", "predictor_corrector", "filter", "runge_kutta"],
 )
 def test_budget_is_kept(make_collapse, device, overrides):
     """Through fall, impact and splash, while most of it changes its form; at a step of half the usual length."""

@@ -93,7 +93,7 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "\n  end_time: 1.0\n  qqq: 2",
-            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, max_steps",
+            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps",
         ),
         ("title: A tank", "qqq: A tank", "tank.yaml:1: qqq: no such field"),
         ("density: 1000.0, ", "", "tank.yaml:4: materials.water.density: this field is missing"),
@@ -108,7 +108,7 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "{end_time: 1.0, '': 5}",
-            "tank.yaml:14: run: no such field; it can be end_time, courant, max_steps",
+            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps",
         ),
         # types
         ("spacing: 0.1", "spacing: thin", "tank.yaml:2: spacing: a number is needed, not 'thin'"),
@@ -185,6 +185,22 @@ def test_an_anchor_is_its_value(load):
             "[[0.0, 2.0], [0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]",
             "[[0, 0]]",
             "tank.yaml:7: walls[0].path: needs 2 or more entries, not 1",
+        ),
+        (
+            "end_time: 1.0",
+            "end_time: 1.0, integrator: runge_kuta",
+            "tank.yaml:14: run.integrator: 'runge_kuta' is not known here; did you mean 'runge_kutta'?",
+        ),
+        (
+            "end_time: 1.0}",
+            "end_time: 1.0, integrator: predictor_corrector}\n"
+            "bodies:\n  - {name: log, density: 500, shape: {disc: {center: [1, 1], radius: 0.2}}}",
+            "tank.yaml:14: run.integrator: predictor_corrector does not move bodies; take verlet or runge_kutta",
+        ),
+        (
+            "spacing: 0.1",
+            "spacing: 0.1\ndensity_filter: {model: mls, every: 0}",
+            "tank.yaml:3: density_filter.every: must be more than 0, not 0",
         ),
         # names that lead nowhere
         (

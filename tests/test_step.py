@@ -39,6 +39,17 @@ fluids:
   - {name: right, material: water, velocity: [-3.0, 0.0], shape: {disc: {center: [0.2, 0.0], radius: 0.12}}}
 run: {end_time: 1.0}
 """
+INTEGRATORS = ("verlet", "predictor_corrector", "runge_kutta")
+every_integrator = pytest.mark.parametrize("integrator", INTEGRATORS)
+FILTERED = "density_filter={model: mls, every: 3}"
+SCHEMES = {
+    "verlet": [],
+    "predictor_corrector": ["run.integrator=predictor_corrector"],
+    "runge_kutta": ["run.integrator=runge_kutta"],
+    "filter": [FILTERED],
+    "filter, runge_kutta": [FILTERED, "run.integrator=runge_kutta"],
+}
+every_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]
 
 
@@ -59,6 +70,43 @@ def bits(simulation: Simulation) -> dict[str, bytes]:
 # ------------------------------------------------------------------------------------------------------------ order
 
 
+def orders(scene_of, device: str, courant: list[float]) -> np.ndarray:
+    """Orders in time of position, velocity and density of a drop that is stretched, by slope; `scene_of` a Courant
+    number. The error is that against a run with steps 8 times finer than the finest."""
+
+    def stretched(scene) -> tuple[np.ndarray, ...]:
+        placement = place(scene)
+        placement = replace(placement, velocity=4.0 * placement.position * [1.0, 0.0, -1.0])
+        simulation = Simulation(scene, device, placement=placement)
+        simulation.advance(0.03)
+        drop = simulation.state.snapshot()
+        return drop.position, drop.velocity, drop.density
+
+    exact = stretched(scene_of(courant[-1] / 8))
+    runs = [stretched(scene_of(C)) for C in courant]
+    errors = [[np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(run, exact, strict=True)] for run in runs]
+    return np.polyfit(np.log2(courant), np.log2(errors), 1)[0]
+
+
+@every_integrator
+@pytest.mark.parametrize(
+    "overrides", [[], ["density_diffusion={model: antuono, delta: 0.1}", "materials.water.alpha=0.1"]]
+)
+def test_every_integrator_is_of_order_two(make_scene, device, integrator, overrides):
+    """By a step that is halved three times; with diffusion from a sweep of its own too."""
+    overrides = [*overrides, f"run.integrator={integrator}"]
+    found = orders(lambda C: make_scene(DROP, f"run.courant={C}", *overrides), device, [0.4, 0.2, 0.1, 0.05])
+    assert found == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS[1:])
+def test_xsph_moves_particles_at_order_two(make_scene, device, integrator):
+    """Where all rates are of one instant."""
+    overrides = ["xsph=0.5", f"run.integrator={integrator}"]
+    found = orders(lambda C: make_scene(DROP, f"run.courant={C}", *overrides), device, [0.4, 0.2, 0.1, 0.05])
+    assert found == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
+
+
 @pytest.mark.parametrize(
     "overrides",
     [
@@ -77,19 +125,7 @@ def test_order_two(make_scene, device, overrides):
     Only the places of particles under XSPH, which drift with the correction of the step before, are of order one.
     """
 
-    def stretched(courant: float) -> tuple[np.ndarray, ...]:
-        scene = make_scene(DROP, f"run.courant={courant}", *overrides)
-        placement = place(scene)
-        placement = replace(placement, velocity=4.0 * placement.position * [1.0, 0.0, -1.0])
-        simulation = Simulation(scene, device, placement=placement)
-        simulation.advance(0.03)
-        drop = simulation.state.snapshot()
-        return drop.position, drop.velocity, drop.density
-
-    courant = np.array([0.5, 0.25, 0.125])
-    exact = stretched(courant[-1] / 8)
-    errors = [[np.sqrt(np.mean((a - b) ** 2)) for a, b in zip(stretched(C), exact, strict=True)] for C in courant]
-    position, *others = np.polyfit(np.log2(courant), np.log2(errors), 1)[0]
+    position, *others = orders(lambda C: make_scene(DROP, f"run.courant={C}", *overrides), device, [0.5, 0.25, 0.125])
     assert others == pytest.approx([2.0, 2.0], abs=0.2)
     assert position > 0.8 if overrides == ["xsph=0.5"] else position == pytest.approx(2.0, abs=0.2)
 
@@ -97,9 +133,10 @@ def test_order_two(make_scene, device, overrides):
 # ---------------------------------------------------------------------------------------------------- conservation
 
 
-def test_free_fall(make_scene, device):
+@every_integrator
+def test_free_fall(make_scene, device, integrator):
     """Every particle by g t^2 / 2, to 1e-6 m."""
-    simulation = Simulation(make_scene(DROP, *FALLING), device)
+    simulation = Simulation(make_scene(DROP, *FALLING, f"run.integrator={integrator}"), device)
     start = simulation.state.snapshot().position
     simulation.advance(0.15)
     assert simulation.step_count > 50
@@ -108,8 +145,9 @@ def test_free_fall(make_scene, device):
     np.testing.assert_allclose(fallen[:, :2], 0.0, rtol=0, atol=1e-6)
 
 
-def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device):
-    simulation = Simulation(make_collapse(), device)
+@every_scheme
+def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device, scheme):
+    simulation = Simulation(make_collapse(*scheme), device)
     state, mass = simulation.state, simulation.model.parameters.mass.numpy()
 
     def momentum() -> np.ndarray:
@@ -118,15 +156,19 @@ def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device):
     before, impulse, transferred = momentum(), np.zeros(3), 0.0
     for dt in step_by_step(simulation, 0.2):
         m = mass[state.fluid.numpy()].astype(float)
-        step = dt * (m.sum() * np.array([0.0, 0.0, -9.81]) + m @ state.wall_acceleration.numpy().astype(float))
+        by_walls = state.wall_acceleration.numpy().astype(float)
+        if "run.integrator=predictor_corrector" in scheme:
+            by_walls = 0.5 * (state.first_wall.numpy() + by_walls)
+        step = dt * (m.sum() * np.array([0.0, 0.0, -9.81]) + m @ by_walls)
         impulse, transferred = impulse + step, transferred + np.abs(step).sum()
     assert np.linalg.norm(momentum() - before) > 1.0  # [kg/s]
     np.testing.assert_allclose(momentum() - before, impulse, rtol=0, atol=TOLERANCE * transferred)
 
 
-def test_mass_is_exact(make_collapse, device):
+@every_scheme
+def test_mass_is_exact(make_collapse, device, scheme):
     """Of each fluid, and of each particle: it stays what it was and keeps its fluid."""
-    simulation = Simulation(make_collapse(), device)
+    simulation = Simulation(make_collapse(*scheme), device)
     before = [motion.mass for motion in simulation.energy.measure()[1]]
     simulation.advance(0.2)
     assert simulation.step.neighbours.rebuilds > 10
@@ -136,8 +178,9 @@ def test_mass_is_exact(make_collapse, device):
     assert [motion.mass for motion in simulation.energy.measure()[1]] == pytest.approx(before, rel=1e-14)
 
 
-def test_plane_stays_plane(make_collapse, device):
-    simulation = Simulation(make_collapse(), device)
+@every_scheme
+def test_plane_stays_plane(make_collapse, device, scheme):
+    simulation = Simulation(make_collapse(*scheme), device)
     simulation.advance(0.1)
     assert not simulation.state.position.numpy()[:, 1].any()
 
@@ -154,6 +197,20 @@ def test_time_and_limits_of_the_step(make_collapse, device):
         assert steps and max(steps) <= 0.5 * 0.03 / 30.0 * (1 + TOLERANCE)
     simulation.advance(0.05)
     assert simulation.time == 0.05
+
+
+# --------------------------------------------------------------------------------------------------- density filter
+
+
+def test_density_is_filtered_in_every_nth_step(make_collapse, device):
+    """Until then nothing has happened, to the bit; and then it has."""
+    off, on = (
+        Simulation(make_collapse(*overrides), device)
+        for overrides in ([], ["density_filter={model: shepard, every: 7}"])
+    )
+    steps = zip(step_by_step(off, 0.02), step_by_step(on, 0.02), strict=False)
+    same = [off.state.density.numpy().tobytes() == on.state.density.numpy().tobytes() for _ in steps]
+    assert same[:6] == [True] * 6 and not any(same[6:])
 
 
 # ------------------------------------------------------------------------------------------------ neighbour lists
@@ -193,9 +250,10 @@ def test_lists_that_grow_on_the_way(make_collapse, device, monkeypatch):
     assert runs[0] == runs[1]
 
 
-def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, monkeypatch):
+@every_scheme
+def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, monkeypatch, scheme):
     """So that it can be captured as a graph: time, step and the state of the lists stay on the device."""
-    simulation = Simulation(make_collapse(), device)
+    simulation = Simulation(make_collapse(*scheme), device)
     simulation.advance(0.01)
     simulation.step.aim_at(1.0)
     done: list[str] = []
@@ -210,11 +268,12 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
     assert done == ["__init__", "numpy"], "the test does not notice"
 
 
-def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device):
+@every_scheme
+def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device, scheme):
     """The graph that a GPU replays from one list to the next, here on whatever device there is."""
     runs = []
     for replays in (False, True):
-        simulation = Simulation(make_collapse(), device, threads=1)
+        simulation = Simulation(make_collapse(*scheme), device, threads=1)
         simulation.step._can_replay = replays
         for time in (0.01, 0.05):
             simulation.advance(time)
@@ -227,7 +286,9 @@ def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device):
 # ------------------------------------------------------------------------------------------------ reproducibility
 
 
-@pytest.mark.parametrize("overrides", [[], ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]])
+@pytest.mark.parametrize(
+    "overrides", [*SCHEMES.values(), ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]]
+)
 def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, overrides):
     runs = []
     for threads in (1, 2, 1, 3):

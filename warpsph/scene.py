@@ -446,6 +446,17 @@ class DensityDiffusion(Part):
     delta: NotNegative = Field(0.1, description="Coefficient of the diffusion [-].")
 
 
+class DensityFilter(Part):
+    """Density made anew from that of all around, now and then."""
+
+    model: Literal["none", "shepard", "mls"] = Field(
+        "none",
+        description="How it is interpolated [-]: none leaves it, shepard is exact for constants, mls (moving least "
+        "squares) for linear fields.",
+    )
+    every: Annotated[int, Field(strict=True, gt=0)] = Field(20, description="Steps from one time to the next [-].")
+
+
 class Shape(Part):
     """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
@@ -676,6 +687,11 @@ class Run(Part):
     courant: Annotated[Real, Field(gt=0, le=1)] = Field(
         0.5, description="Courant number: dt = courant h / (c + u) [-]."
     )
+    integrator: Literal["verlet", "predictor_corrector", "runge_kutta"] = Field(
+        "verlet",
+        description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
+        "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
+    )
     max_steps: Annotated[int, Field(strict=True, gt=0)] | None = Field(
         None, description="Greatest number of steps [-]; no limit when absent."
     )
@@ -723,6 +739,7 @@ class Scene(Part):
     viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
     laminar: Laminar = Field(Laminar(), description="How forces come of the materials' own viscosities.")
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
+    density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
     walls: tuple[Wall, ...] = Field((), description="Walls.")
@@ -818,6 +835,8 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             yield path, f"one for all materials of a scene is needed, and another one has {first}"
     for i, body in enumerate(scene.bodies):
         yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
+    if scene.bodies and scene.run.integrator == "predictor_corrector":
+        yield "run.integrator", "predictor_corrector does not move bodies; take verlet or runge_kutta"
 
 
 def _yielding(scene: Scene) -> dict[str, Rheology]:

@@ -93,6 +93,11 @@ class State:
         has_rheology = model.viscous is not None and model.viscous.law is not None
         self.apparent_viscosity = zeros(float, count if has_rheology else 1)  # of the last step [Pa s]
         self.yielded = zeros(int, count if has_rheology else 1)  # 0: a plug
+        is_filtered = model.scene.density_filter.model != "none"
+        self.filtered_density = zeros(wp.float64, count if is_filtered else 1)  # [kg/m3]
+        averages = model.scene.run.integrator == "predictor_corrector"  # the rates at both ends of the step
+        self.first_dissipative = zeros(wp.vec3, count if averages else 1)  # at its beginning [m/s2]
+        self.first_wall = zeros(wp.vec3, count if averages else 1)
         self.particle_dt_limit = zeros(float)  # [s]
         self.particle_fault = zeros(int)
         self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]

@@ -1,9 +1,12 @@
 """One time step, told in order. Nothing else knows the order of things."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
 import warp as wp
 
 from warpsph.coupling import Coupling
-from warpsph.kernels import density, integrators, neighbours, walls
+from warpsph.kernels import corrections, density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
 from warpsph.launch import Launch
 from warpsph.model import Model
@@ -11,27 +14,29 @@ from warpsph.neighbours import Neighbours
 from warpsph.state import BLOCK_SIZE, State
 from warpsph.viscosity import Viscosity
 
+Stage = Launch | Callable[[], None]
+
 
 class Step:
-    """Advances a state by Verlet steps of length `state.dt` (Vasco 2014, eq 76-80).
+    """Advances a state by steps of length `state.dt`, by the integrator that the scene names (INTEGRATORS).
 
     Within a step nothing is read back by the host and nothing is allocated.
 
     Attributes:
         stages: What a step does, in order: a launch for each physical act.
         evaluations: Evaluations of the forces a step.
-        sweeps: Sweeps over all pairs a step, each for one half of the rates.
+        sweeps: Sweeps over all pairs a step; those of Verlet give one half of the rates each.
         neighbours: The lists that the step reads.
         bodies: The bodies in the fluid; None where there are none.
         viscosity: Of the materials themselves; None where they have none.
     """
 
-    evaluations, sweeps = 1, 2
-
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self.model, self.state, self.bodies = model, state, bodies
         self.neighbours = Neighbours(model, state)
         self.viscosity = Viscosity(model, state, self.neighbours) if model.viscous else None
+        self.integrator = INTEGRATORS[model.scene.run.integrator]
+        self.evaluations, self.sweeps = self.integrator.evaluations, self.integrator.sweeps
         self.settling = False
         self._graph, self._graph_settles = None, False
         device = model.launcher.device
@@ -43,7 +48,8 @@ class Step:
         self._rebuild()
         self._record()
         self._pack()
-        self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
+        if self.evaluations == 1:
+            self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
         self._find_viscosity()
 
     def __call__(self) -> None:
@@ -87,12 +93,6 @@ class Step:
         self._pack()
         self._find_viscosity()
 
-    def _pack(self) -> None:
-        """Pack position and pressure, where there is no step before to have done it; dt is 0."""
-        self.stages["drift, pressure"]()
-        if self.neighbours.ghosts:
-            self.neighbours.ghosts.move()
-
     def _find_viscosity(self) -> None:
         """For who looks at it before the first step."""
         for launch in self.viscosity.apparent() if self.viscosity else ():
@@ -117,33 +117,86 @@ class Step:
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
-        launcher, bodies, viscosity = self.model.launcher, self.bodies, self.viscosity
-        ghosts = self.neighbours.ghosts
+        self.stages = self.integrator.stages(self)
+
+    def _pack(self) -> None:
+        """Position and pressure as the pair loops read them: the first stage, with dt = 0."""
+        next(iter(self.stages.values()))()
+        if self.neighbours.ghosts:
+            self.neighbours.ghosts.move()
+
+    # ---------------------------------------------------------------------------------------------- the integrators
+
+    def verlet(self) -> dict[str, Stage]:
+        """Drift, kick, drift: Vasco (2014) eq 76-80. Half of the rates at a time, momentum in the middle."""
+        s, launcher, bodies = self.state, self.model.launcher, self.bodies
         finish_density = launcher.record(
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
         # What does not wait for all particles is chained: threads that meet less often wait less.
-        self.stages = {
+        return {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
-            **({"ghosts": ghosts.move} if ghosts else {}),  # as mirrors and periodic edges show the particles now
+            **self._move_ghosts(),  # as mirrors and periodic edges show the particles now
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
+            **self._filter(),
             **self._gradients(),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
             "pair loop: forces, walls": launcher.chain(
-                self._sweep(continuity=False), *self._walls(), *(viscosity.prepare() if viscosity else ())
+                self._sweep(continuity=False), *self._walls(), *self._prepare_viscosity()
             ),
-            **(viscosity.stages() if viscosity else {}),  # the materials' own viscosities
+            **self._viscosity(),  # the materials' own
             **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),  # the reaction
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
-            **({"ghosts at the end": ghosts.move} if ghosts else {}),
+            **self._move_ghosts(" at the end"),
             # Continuity and XSPH; density to n+1; how far particles have moved, the extremes of each block.
             "pair loop: continuity, density, watch": launcher.chain(
                 self._sweep(momentum=False), finish_density, self._bound_motion(), self._watch()
             ),
+            **self._end(),
+        }
+
+    def two_stage(self) -> dict[str, Stage]:
+        """All rates where the step begins, then all rates at what is predicted with them: Vasco (2014) 4.12.1, 4.12.3.
+
+        Bodies drift, kick, drift: of the rates in the middle of a step, those of runge_kutta, they have the reaction.
+        """
+        launcher, bodies = self.model.launcher, self.bodies
+        return {
+            "pressure": self._launch_pack(),
+            **self._move_ghosts(),
+            **self._filter(),
+            **self._evaluation(share=integrators.REACH[self.model.scene.run.integrator]),
+            "predict": self._predict(),
+            **self._move_ghosts(" ahead"),
+            **({"drift of bodies": bodies.drift_half()} if bodies else {}),
+            **self._evaluation(" ahead"),
+            **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),
+            "correct": self._correct(),  # everything to n+1, work, limits of the next step
+            **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
+            "watch": launcher.chain(self._bound_motion(), self._watch()),
+            **self._end(),
+        }
+
+    def _evaluation(self, where: str = "", share: float = 1.0) -> dict[str, Stage]:
+        """All rates, and XSPH, in one sweep; `where` tells it from another of the same step.
+
+        The velocity moves on from here by a `share` of the step.
+        """
+        sweeps = [self._sweep(), *self._walls(), *self._prepare_viscosity()]
+        stages = {
+            **self._gradients(),
+            "pair loop: rates, walls": self.model.launcher.chain(*sweeps),
+            **self._viscosity(share),
+        }
+        return {name + where: stage for name, stage in stages.items()}
+
+    def _end(self) -> dict[str, Stage]:
+        ghosts = self.neighbours.ghosts
+        return {
             "life of the lists": self._compare_motion(),
             **({"life of the lists, ghosts": ghosts.compare_motion()} if ghosts else {}),
-            **({"limits by bodies": bodies.watch()} if bodies else {}),
+            **({"limits by bodies": self.bodies.watch()} if self.bodies else {}),
             "clock": self._clock(),  # time and the next step
         }
 
@@ -171,6 +224,36 @@ class Step:
             *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
         )
 
+    def _move_ghosts(self, where: str = "") -> dict[str, Stage]:
+        return {f"ghosts{where}": self.neighbours.ghosts.move} if self.neighbours.ghosts else {}
+
+    def _prepare_viscosity(self) -> list[Launch]:
+        return self.viscosity.prepare() if self.viscosity else []
+
+    def _viscosity(self, share: float = 1.0) -> dict[str, Stage]:
+        return self.viscosity.stages(share) if self.viscosity else {}
+
+    def _filter(self) -> dict[str, Stage]:
+        """Density made anew, every so many steps: what pair loops read is in place, and is put in place again."""
+        s, m, n, chosen = self.state, self.model, self.neighbours, self.model.scene.density_filter
+        if chosen.model == "none":
+            return {}
+        kernel = corrections.density_filter_kernel(m.formulas.smoothing, chosen.model)
+        due = (chosen.every, s.step)
+        packed = (s.position_volume, s.velocity_pressure)
+        sums = [m.particle_count, BLOCK_SIZE, *due, s.particle_work, s.work]
+        return {
+            "density filter": self._launch(
+                kernel, *due, s.position_volume, s.fluid_and_ghosts, n.count, n.list, s.density, s.filtered_density
+            ),
+            "density, pressure by filter": self._launch(
+                corrections.take_filtered_density,
+                *(*due, s.filtered_density, s.fluid, s.density, *packed, s.particle_work),
+            ),
+            "work of the filter": m.launcher.record(corrections.add_filter_work, s.block_count, sums),
+            **self._move_ghosts(" after the filter"),
+        }
+
     def _gradients(self) -> dict[str, Launch]:
         """What diffusion needs before the pair loop, if it is of that kind."""
         s, m, n = self.state, self.model, self.neighbours
@@ -197,6 +280,33 @@ class Step:
             *(s.dt, s.damping, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
             *(s.wall_distance, s.xsph_velocity, s.density_rate, s.diffusion_rate, s.fluid),
             *(s.position, s.velocity, s.density, s.last_diffusion_rate, s.position_volume, s.velocity_pressure),
+            *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
+        )
+
+    def _launch_pack(self) -> Launch:
+        s = self.state
+        packed = (s.position_volume, s.velocity_pressure)
+        return self._launch(integrators.pack, s.position, s.velocity, s.density, s.fluid, *packed)
+
+    def _predict(self) -> Launch:
+        s = self.state
+        return self._launch(
+            integrators.predict,
+            *(integrators.REACH[self.model.scene.run.integrator], s.dt),
+            *(s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
+            *(s.xsph_velocity, s.density_rate, s.diffusion_rate, s.fluid, s.velocity),
+            *(s.position, s.density, s.position_volume, s.velocity_pressure),
+            *(s.acceleration, s.particle_work, s.first_dissipative, s.first_wall),
+        )
+
+    def _correct(self) -> Launch:
+        s = self.state
+        return self._launch(
+            integrators.correct,
+            *(integrators.REACH[self.model.scene.run.integrator], s.dt, s.damping),
+            *(s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration, s.wall_distance),
+            *(s.xsph_velocity, s.density_rate, s.diffusion_rate, s.first_dissipative, s.first_wall, s.fluid),
+            *(s.position, s.velocity, s.density, s.position_volume, s.velocity_pressure),
             *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
         )
 
@@ -249,3 +359,25 @@ class Step:
             ],
         )
         return m.launcher.chain(largest, advance)
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A way to take a step.
+
+    Attributes:
+        stages: What a step does, in order; the first stage packs what the pair loops read.
+        evaluations: Evaluations of the forces a step.
+        sweeps: Sweeps over all pairs a step.
+    """
+
+    stages: Callable[[Step], dict[str, Stage]]
+    evaluations: int
+    sweeps: int
+
+
+INTEGRATORS: Mapping[str, Integrator] = {
+    "verlet": Integrator(Step.verlet, evaluations=1, sweeps=2),
+    "predictor_corrector": Integrator(Step.two_stage, evaluations=2, sweeps=2),
+    "runge_kutta": Integrator(Step.two_stage, evaluations=2, sweeps=2),
+}

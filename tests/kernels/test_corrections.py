@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.kernels.corrections import filtered_density_kernel, renormalisation_kernel
+from warpsph.kernels.corrections import (
+    density_filter_kernel,
+    filtered_density_kernel,
+    renormalisation_kernel,
+    take_filtered_density,
+)
 from warpsph.kernels.smoothing import SMOOTHING
 
 # Single precision, moments of some fifty terms, their eigenvalues up to 10 times apart: relative to the largest value.
@@ -112,6 +117,58 @@ def test_mls_reproduces_a_linear_field(appendix_b, smoothing, jitter):
     rho = 1000.0 + 30.0 * (1.5 - cloud.x[:, 2]) - 12.0 * cloud.x[:, 0]
     error = {name: np.abs(interpolate(cloud, rho, name)[0] - rho).max() / np.ptp(rho) for name in ("shepard", "mls")}
     assert error["mls"] < TOLERANCE < 0.01 < error["shepard"]
+
+
+def filtered(cloud, correction: str, steps: int, every: int) -> np.ndarray:
+    """Densities that the stage of a step makes of m / V, after `steps` others; shape [n]."""
+    due = [every, cloud.array([steps], int)]
+    inputs = [*due, cloud.position_volume, cloud.fluids, cloud.neighbour_count, cloud.neighbour_list]
+    kernel = density_filter_kernel(cloud.smoothing, correction)
+    (found,) = cloud.run(kernel, [*inputs, cloud.array(cloud.rho, wp.float64)], [wp.float64])
+    return found
+
+
+@every_smoothing
+@pytest.mark.parametrize("correction", ["shepard", "mls"])
+def test_the_filter_of_a_step_is_the_same_interpolation(mixture, smoothing, correction):
+    """Of m / V of each fluid, and nothing in a step that is not due."""
+    cloud = mixture(smoothing=smoothing)
+    expected, _ = interpolate(cloud, cloud.rho, correction)
+    np.testing.assert_allclose(filtered(cloud, correction, 19, 20), expected, rtol=TOLERANCE * 0.1)
+    assert np.abs(expected - cloud.rho).max() > 1e-3 * 2530.0
+    for steps in (0, 18, 20):
+        assert not filtered(cloud, correction, steps, 20).any()
+
+
+def test_the_filter_leaves_a_uniform_density_to_the_bit(appendix_b):
+    cloud = appendix_b(0.25)
+    for correction in ("shepard", "mls"):
+        np.testing.assert_array_equal(filtered(cloud, correction, 0, 1), cloud.rho)
+
+
+@pytest.mark.parametrize("steps", [3, 4])
+def test_what_the_filter_takes_is_dissipated(make_cloud, steps):
+    """Volume and pressure follow the density; the loss is that of the integral of p / rho^2, here by c^2 s^2 / 2."""
+    cloud = make_cloud(np.zeros((1, 3)), u=[0.5, 0.0, 0.25])
+    arrays = {
+        "filtered": cloud.array([1001.0], wp.float64),
+        "fluid": cloud.fluids,
+        "density": cloud.array([1002.0], wp.float64),
+        "position_volume": cloud.array([[1.0, 2.0, 3.0, 10.0 / 1002.0]], wp.vec4),
+        "velocity_pressure": cloud.array([[0.5, 0.0, 0.25, 800.0]], wp.vec4),
+        "work": cloud.array([[0.0, 0.0, 0.0]], wp.vec3),
+    }
+    due = [5, cloud.array([steps], int)]
+    cloud.launcher.run(take_filtered_density, 1, [cloud.parameters, *due, *arrays.values()])
+    found = {name: array.numpy()[0] for name, array in arrays.items()}
+    is_due = steps == 4
+    assert found["density"] == (1001.0 if is_due else 1002.0)
+    assert found["position_volume"][:3].tolist() == [1.0, 2.0, 3.0]
+    assert found["position_volume"][3] == pytest.approx(10.0 / found["density"], rel=TOLERANCE)
+    assert found["velocity_pressure"][:3].tolist() == [0.5, 0.0, 0.25]
+    assert found["velocity_pressure"][3] == pytest.approx(400.0 if is_due else 800.0, rel=0.01)
+    lost = 10.0 * 20.0**2 * (0.002**2 - 0.001**2) / 2 if is_due else 0.0
+    assert found["work"].tolist() == pytest.approx([lost, 0.0, 0.0], rel=0.01)
 
 
 def test_mls_in_space(make_cloud):

@@ -10,7 +10,12 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
-from warpsph.kernels.corrections import CORRECTION, filtered_density_kernel, renormalisation_kernel
+from warpsph.kernels.corrections import (
+    CORRECTION,
+    density_filter_kernel,
+    filtered_density_kernel,
+    renormalisation_kernel,
+)
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.laminar import (
@@ -51,6 +56,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
+    density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),
     renormalisation_kernel: [(name,) for name in SMOOTHING],
     velocity_gradient_kernel: list(product(SMOOTHING, (True, False))),
     laminar_acceleration_kernel: list(product(SMOOTHING, LAMINAR, MEAN)),

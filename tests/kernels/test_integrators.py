@@ -1,4 +1,4 @@
-"""Verlet's two halves against eq 76-80, the limits of the step, the clock, and what counts as absurd."""
+"""Verlet's two halves against eq 76-80, the two stages of the others, limits of the step, the clock, absurdity."""
 
 import math
 
@@ -49,6 +49,45 @@ KICK = {
     "dt_limit": float,
     "fault": int,
 }
+PREDICT = {
+    "pressure_acceleration": wp.vec3,
+    "dissipative_acceleration": wp.vec3,
+    "wall_acceleration": wp.vec3,
+    "xsph_velocity": wp.vec3,
+    "density_rate": float,
+    "diffusion_rate": float,
+    "fluid": int,
+    "velocity": wp.vec3,
+    "position": wp.vec3d,
+    "density": wp.float64,
+    "position_volume": wp.vec4,
+    "velocity_pressure": wp.vec4,
+    "acceleration": wp.vec3,
+    "work": wp.vec3,
+    "first_dissipative": wp.vec3,
+    "first_wall": wp.vec3,
+}
+CORRECT = {
+    "pressure_acceleration": wp.vec3,
+    "dissipative_acceleration": wp.vec3,
+    "wall_acceleration": wp.vec3,
+    "wall_distance": float,
+    "xsph_velocity": wp.vec3,
+    "density_rate": float,
+    "diffusion_rate": float,
+    "first_dissipative": wp.vec3,
+    "first_wall": wp.vec3,
+    "fluid": int,
+    "position": wp.vec3d,
+    "velocity": wp.vec3,
+    "density": wp.float64,
+    "position_volume": wp.vec4,
+    "velocity_pressure": wp.vec4,
+    "acceleration": wp.vec3,
+    "work": wp.vec3,
+    "dt_limit": float,
+    "fault": int,
+}
 
 
 @pytest.fixture
@@ -58,7 +97,7 @@ def launch(make_cloud):
     `types` names the arrays in the kernel's order; those of `values` that are left out are zero, at rest and far away.
     """
 
-    def run(kernel, types, count=1, dt=0.01, damping=None, numbers=None, **values) -> dict[str, np.ndarray]:
+    def run(kernel, types, count=1, dt=0.01, damping=None, reach=None, numbers=None, **values) -> dict[str, np.ndarray]:
         cloud = make_cloud(np.zeros((count, 3)), spacing=SPACING, ratio=RATIO, **(BOX | SAFE | (numbers or {})))
         values = {"density": 1000.0, "wall_distance": 1e9} | values
         arrays = {}
@@ -66,7 +105,8 @@ def launch(make_cloud):
             size = getattr(dtype, "_length_", 1)
             shape = (count, size) if size > 1 else (count,)
             arrays[name] = cloud.array(np.broadcast_to(np.asarray(values.get(name, 0.0), float), shape), dtype)
-        scalars = [cloud.array([value], float) for value in (dt, damping) if value is not None]
+        scalars = [] if reach is None else [reach]
+        scalars += [cloud.array([value], float) for value in (dt, damping) if value is not None]
         cloud.launcher.run(kernel, count, [cloud.parameters, *scalars, *arrays.values()])
         return {name: array.numpy().astype(float) for name, array in arrays.items()}
 
@@ -170,6 +210,70 @@ def test_kinetic_energy_is_accounted_for(launch):
     gained = 5.0 * (np.einsum("ik,ik->i", after["velocity"], after["velocity"]) - np.einsum("ik,ik->i", u, u))
     budget = by["pressure_acceleration"] + by_walls - dissipated - damped
     np.testing.assert_allclose(gained, budget, rtol=0, atol=1e2 * TOLERANCE)
+
+
+RATES = {
+    "pressure_acceleration": [3.0, 0.0, 0.0],
+    "dissipative_acceleration": [0.0, 0.0, 2.0],
+    "wall_acceleration": [-1.0, 0.0, 5.0],
+    "xsph_velocity": [0.1, 0.0, 0.2],
+    "density_rate": 50.0,
+    "diffusion_rate": -7.0,
+}
+WEIGHT = {"gravity": wp.vec3(0.0, 0.0, -9.0), "dimensions": 3}
+every_reach = pytest.mark.parametrize("reach", sorted(integrators.REACH.values()))
+
+
+def two_stages(launch, reach: float, first: dict, second: dict, **given) -> tuple[dict, dict]:
+    """What the prediction and the correction leave of `given`, with the rates `first` and `second`."""
+    common = {"reach": reach, "dt": 0.02, "numbers": WEIGHT}
+    ahead = launch(integrators.predict, PREDICT, **common, **given, **first)
+    carried = {name: ahead[name] for name in PREDICT if name in CORRECT and name not in (*RATES, "fluid", "velocity")}
+    return ahead, launch(
+        integrators.correct, CORRECT, damping=0.0, **common, **carried, velocity=given["velocity"], **second
+    )
+
+
+@every_reach
+def test_two_stages_are_their_formula(launch, reach):
+    """y* = y + theta dt A, y' = y + dt ((1 - b) A + b A*), b = 1 / (2 theta), x' by the velocities of y and y*."""
+    x, u, rho = np.array([8.0, 0.0, 2.0]), np.array([0.5, 0.25, -0.25]), 1010.0
+    second = {name: -2.0 * np.array(value) for name, value in RATES.items()}
+    packed = {"position_volume": [0.0, 0.0, 0.0, 10.0 / rho], "velocity_pressure": [0.0, 0.0, 0.0, 300.0]}
+    ahead, after = two_stages(launch, reach, RATES, second, position=x, velocity=u, density=rho, **packed)
+    g, b = np.array([0.0, 0.0, -9.0]), 0.5 / reach
+    by_forces = np.array([2.0, 0.0, 7.0])
+    drift, u_ahead = u + np.array([0.1, 0.0, 0.2]), u + reach * 0.02 * (g + by_forces)
+    np.testing.assert_allclose(ahead["position_volume"][0, :3], x + reach * 0.02 * drift, rtol=TOLERANCE)
+    assert ahead["position_volume"][0, 3] == pytest.approx(10.0 / (rho + reach * 0.02 * 43.0), rel=TOLERANCE)
+    np.testing.assert_allclose(ahead["velocity_pressure"][0, :3], u_ahead, rtol=TOLERANCE)
+
+    x_new = x + 0.02 * ((1.0 - b) * drift + b * (u_ahead - [0.2, 0.0, 0.4]))
+    u_new = u + 0.02 * (g + (1.0 - b) * by_forces - 2.0 * b * by_forces)
+    rho_new = rho + 0.02 * ((1.0 - b) * 43.0 - 2.0 * b * 43.0)
+    np.testing.assert_allclose(after["position"][0], x_new, rtol=0, atol=TOLERANCE * 1e-2)
+    np.testing.assert_allclose(after["velocity"][0], u_new, rtol=TOLERANCE)
+    assert after["density"][0] == pytest.approx(rho_new, rel=TOLERANCE * 1e-2)
+    np.testing.assert_allclose(after["position_volume"][0], [*x_new, 10.0 / rho_new], rtol=TOLERANCE)
+    np.testing.assert_allclose(after["velocity_pressure"][0, :3], u_new, rtol=TOLERANCE)
+
+
+@every_reach
+def test_two_stages_account_for_their_work(launch, reach):
+    """Kinetic energy changes by the work of gravity and pressure, told here, and by what is written down."""
+    random = np.random.default_rng(9)
+    first, second = (
+        {name: random.normal(size=3) * 30.0 for name in RATES if name.endswith("acceleration")} for _ in range(2)
+    )
+    u = np.array([0.5, 0.25, -0.25])
+    _, after = two_stages(launch, reach, first, second, velocity=u)
+    dissipated, by_walls, damped = after["work"][0]
+    b = 0.5 / reach
+    mean = (1.0 - b) * first["pressure_acceleration"] + b * second["pressure_acceleration"] + [0.0, 0.0, -9.0]
+    told = 10.0 * 0.02 * mean @ (0.5 * (u + after["velocity"][0]))
+    gained = 5.0 * (after["velocity"][0] @ after["velocity"][0] - u @ u)
+    assert gained == pytest.approx(told + by_walls - dissipated, abs=100 * TOLERANCE)
+    assert abs(by_walls) > 0.01 and abs(dissipated) > 0.01 and damped == 0.0
 
 
 def test_held_fluid_feels_no_force(launch):
