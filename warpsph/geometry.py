@@ -274,7 +274,7 @@ def place(scene: Scene) -> Placement:
     nowhere = np.empty((0, 3))  # a scene may have no walls
     placement = Placement(
         position=position,
-        velocity=np.repeat(velocity, counts, axis=0),
+        velocity=np.repeat(velocity, counts, axis=0) + _waves(scene, position, counts),
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         initial_depth=np.concatenate(depths),
         volume=np.array(volumes),
@@ -293,6 +293,15 @@ def place(scene: Scene) -> Placement:
         placement = _repeat_walls(scene, placement)
     warnings += _doubts(scene, placement, drawn) + _slow_sound(scene, drop_height(placement))
     return replace(placement, warnings=tuple(warnings))
+
+
+def _waves(scene: Scene, position: Array, counts: Sequence[int]) -> Array:
+    """Velocity of the shear waves at each place, shape [n, 3]; `counts` are the particles of each fluid."""
+    velocity = np.zeros_like(position)
+    for fluid, mine in zip(scene.fluids, np.split(np.arange(len(position)), np.cumsum(counts)[:-1]), strict=True):
+        if wave := fluid.shear_wave:
+            velocity[mine, 0] = wave.speed * np.sin(2.0 * np.pi * position[mine, 2] / wave.wavelength)
+    return velocity
 
 
 def _jittered(scene: Scene, index: int, sites: Array) -> Array:
@@ -369,7 +378,7 @@ def drop_height(placement: Placement) -> float:
 
 def typical_speed(scene: Scene, placement: Placement) -> float:
     """A speed [m/s] for the colours of pictures: that of a fall, or, where nothing falls, of what is given to move."""
-    given = [math.hypot(*fluid.velocity) for fluid in scene.fluids]
+    given = [float(np.linalg.norm(placement.velocity, axis=1).max())]
     given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
     return 0.7 * math.sqrt(2.0 * scene.gravity * drop_height(placement)) or max(given)
 

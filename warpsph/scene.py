@@ -486,6 +486,13 @@ class Lattice(Part):
     )
 
 
+class ShearWave(Part):
+    """A start at which layers slide along x past each other: u = speed sin(2 pi z / wavelength)."""
+
+    speed: Real = Field(description="Greatest speed, along x [m/s].")
+    wavelength: Positive = Field(description="Length of the wave, along z [m].")
+
+
 class Fluid(Part):
     """A body of fluid, from a shape or from a fill."""
 
@@ -498,6 +505,7 @@ class Fluid(Part):
     velocity: Point = Field(
         (0.0, 0.0), description="Velocity at the start [u, w], in 3-D [u, v, w] [m/s]; at rest when absent."
     )
+    shear_wave: ShearWave | None = Field(None, description="A wave of the velocity on top; none when absent.")
     jitter: Annotated[Real, Field(ge=0, le=0.5)] = Field(
         0.0, description="How far at most particles stand off their lattice at the start, each way, in spacings [-]."
     )
@@ -509,8 +517,8 @@ class Fluid(Part):
     @model_validator(mode="after")
     def _is_one_body(self) -> Fluid:
         self._need_one_of("shape", "fill")
-        if self.hold and any(self.velocity):
-            raise _fault("a held fluid starts at rest", "velocity")
+        if self.hold and (any(self.velocity) or self.shear_wave):
+            raise _fault("a held fluid starts at rest", "velocity" if any(self.velocity) else "shear_wave")
         if self.fill is not None and self.lattice is not None:
             raise _fault("goes with a shape; a fill has a lattice of its own", "lattice")
         return self
