@@ -1,8 +1,8 @@
 """Laminar viscosity: forces of a viscosity mu_i [Pa s] that each particle has, its own or an apparent one.
 
 Two ways. The pair forms of LAMINAR take the difference of two velocities at once. The stress form of eq 100 takes the
-divergence of T = mu D', with D' from the velocity gradients: dearer, and blind to a velocity that alternates from
-particle to particle, but good for any stress. All conserve momentum; `cleary` angular momentum as well.
+divergence of T = mu D', with D' from the velocity gradients: dearer, but right at a free surface and good for any
+stress. All conserve momentum; `cleary` angular momentum as well.
 
 Pair loops read (x, y, z, V) and (u, v, w, mu), packed as those of rates.py: in a plane x lies beside u, in the place of
 v. Beyond the particles of a row come the ghosts that mirrors and periodic edges show of particles, each with the
@@ -144,30 +144,17 @@ def laminar_acceleration_kernel(
 # ----------------------------------------------------------------------------------------------------- stress form
 
 
-@wp.func
-def as_it_is(L: wp.mat33, M: wp.mat33) -> wp.mat33:
-    """The plain sum, whose partner is eq 100: together they lose the kinetic energy sum V T : L, never gain any."""
-    return L
-
-
-@wp.func
-def renormalised(L: wp.mat33, M: wp.mat33) -> wp.mat33:
-    """L B: exact for linear velocities, at a surface and in disorder."""
-    return L * renormalisation(M)
-
-
 @cache
 def velocity_gradient_kernel(
-    smoothing: str, renormalise: bool, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
 ) -> wp.Kernel:
     """The pair loop of the velocity gradient.
 
         L_i = (sum_j V_j (u_j - u_i) (x) grad_i W_ij) B_i,    L_ab = d u_a / d x_b
 
-    with B_i of Vasco (2014) eq 54, or without. Its trace is the divergence: renormalised continuity is -rho_i tr L_i.
+    with B_i of Vasco (2014) eq 54: exact for linear velocities, at a surface and in disorder.
     """
     slope = SMOOTHING[smoothing].slope
-    corrected = renormalised if renormalise else as_it_is
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
     spatial = dimensions == 3
 
@@ -243,7 +230,7 @@ def velocity_gradient_kernel(
                 M -= s * wp.outer(x_ig, x_ig)
                 k += stride
         n = parameters.gradient_norm
-        velocity_gradient_out[i] = corrected(n * L, n * M)
+        velocity_gradient_out[i] = (n * L) * renormalisation(n * M)
 
     return velocity_gradient
 
@@ -275,13 +262,23 @@ def gradient_beyond(images: Images, k: int, L: wp.mat33) -> wp.mat33:
     return F * L * wp.transpose(images.rotation[k])
 
 
+@wp.func
+def velocity_of(velocity_viscosity: wp.vec4, dimensions: int) -> wp.vec3:
+    """(u, v, w) of (u, v, w, mu), in a plane of (u, x, w, mu)."""
+    return wp.vec3(velocity_viscosity[0], wp.where(dimensions == 2, 0.0, velocity_viscosity[1]), velocity_viscosity[2])
+
+
 @cache
 def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.Kernel:
     """The pair loop of the divergence of a symmetric stress.
 
         du_i/dt = sum_j m_j (T_i + T_j) / (rho_i rho_j) . grad_i W_ij
+                  + 1 / rho_i sum_j V_j s_ij (mu_i + mu_j) (u_ij - (L_i + L_j) / 2 x_ij)
 
-    Vasco (2014) eq 100 without its pressure, which eq 38 holds, and with the material derivative that it means.
+    The first line is Vasco (2014) eq 100 without its pressure, which eq 38 holds, and with the material derivative that
+    it means. A velocity that alternates from particle to particle has no gradient there, and whatever has made it, a
+    wall for one, it stays. The second line is eq 99 of what the gradients leave out: nothing in a linear flow, of the
+    order h^2 in others, and all of what alternates. Rigid rotation is left alone, and a surface feels no stress.
     """
     slope = SMOOTHING[smoothing].slope
 
@@ -292,41 +289,47 @@ def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.
         images: Images,
         particle_count: int,
         position_volume: wp.array[wp.vec4],
+        velocity_viscosity: wp.array[wp.vec4],
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
-        viscosity: wp.array[float],
         velocity_gradient: wp.array[wp.mat33],
         stress: wp.array[wp.mat33],
         stress_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by stress [m/s2]; viscosity and velocity gradient are read of the particles behind ghosts."""
+        """a_i by stress [m/s2]."""
         i = first + wp.tid()
-        xV_i, T_i = position_volume[i], stress[i]
-        x_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2])
+        xV_i, um_i, T_i, L_i = position_volume[i], velocity_viscosity[i], stress[i], velocity_gradient[i]
+        x_i, u_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), velocity_of(um_i, parameters.dimensions)
         inverse_rho_i = xV_i[3] / parameters.mass[fluid[i]]
 
         by_stress = wp.vec3()
         row = i * parameters.row_stride
         for k in range(inner_count[i]):
             j = neighbour_list[row + k * parameters.column_stride]
-            xV_j = position_volume[j]
+            xV_j, um_j = position_volume[j], velocity_viscosity[j]
             x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-            q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h
-            by_stress += xV_j[3] * slope(q) * ((T_i + stress[j]) * x_ij)
+            u_ij = u_i - velocity_of(um_j, parameters.dimensions)
+            s = xV_j[3] * slope(wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h)
+            left_out = u_ij - 0.5 * ((L_i + velocity_gradient[j]) * x_ij)
+            by_stress += s * ((T_i + stress[j]) * x_ij + (um_i[3] + um_j[3]) * left_out)
         if wp.static(with_images):
             for k in range(inner_count[i], neighbour_count[i]):
                 j = neighbour_list[row + k * parameters.column_stride]
                 g = j - particle_count
-                xV_g, source = position_volume[j], ghost_source[g]
-                L_g = gradient_beyond(images, ghost_image[g], velocity_gradient[source])
-                T_g = viscosity[source] * deviator(L_g, parameters.dimensions)
+                source, image = ghost_source[g], ghost_image[g]
+                xV_g, xV_s, um_s = position_volume[j], position_volume[source], velocity_viscosity[source]
+                x_s, u_s = wp.vec3(xV_s[0], xV_s[1], xV_s[2]), velocity_of(um_s, parameters.dimensions)
+                L_g = gradient_beyond(images, image, velocity_gradient[source])
+                T_g = um_s[3] * deviator(L_g, parameters.dimensions)
                 x_ig = x_i - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
-                q = wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h
-                by_stress += xV_g[3] * slope(q) * ((T_i + T_g) * x_ig)
+                u_ig = u_i - velocity_beyond(images, image, x_i, u_i, x_s, u_s)
+                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+                left_out = u_ig - 0.5 * ((L_i + L_g) * x_ig)
+                by_stress += s * ((T_i + T_g) * x_ig + (um_i[3] + um_s[3]) * left_out)
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress
 
     return stress_acceleration
@@ -334,8 +337,8 @@ def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.
 
 # dt <= C rho h^2 / mu. integrators.py predicts the velocity at half steps from the last two, u + dt/2 F: for viscosity
 # that is Adams-Bashforth of second order, which takes lambda dt <= 1, lambda being the fastest rate at which a velocity
-# decays. Heun's scheme and the midpoint rule take 2, so twice this step. The stress form does not see the fastest.
-VISCOUS_COURANT: Mapping[str, float] = {"morris": 0.125, "cleary": 0.045, "stress": 0.4}
+# decays. Heun's scheme and the midpoint rule take 2, so twice this step.
+VISCOUS_COURANT: Mapping[str, float] = {"morris": 0.125, "cleary": 0.045, "stress": 0.125}
 
 # ----------------------------------------------------------------------------------------------- the stages of a step
 

@@ -70,7 +70,7 @@ class Viscosity:
         law = apparent_viscosity_kernel(m.viscous.law, m.viscous.regularisation)
         numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
         return [
-            self._gradient(s.velocity_pressure, renormalise=True),
+            self._gradient(s.velocity_pressure),
             self._record(law, *numbers, self.viscosity, s.yielded),
         ]
 
@@ -118,12 +118,12 @@ class Viscosity:
         if m.viscous.form == "stress":
             stress = [self.velocity_gradient, self.viscosity, m.parameters.dimensions, self.stress]
             return [
-                self._gradient(velocity_viscosity, renormalise=False),
+                self._gradient(velocity_viscosity),
                 self._record(laminar.viscous_stress, *stress),
                 self._record(
                     laminar.stress_acceleration_kernel(m.formulas.smoothing, m.images is not None),
-                    *(m.parameters, self._images, m.particle_count, s.position_volume, s.fluid, *self._lists()),
-                    *(self.viscosity, self.velocity_gradient, self.stress, rate),
+                    *(m.parameters, self._images, m.particle_count, s.position_volume, velocity_viscosity, s.fluid),
+                    *(*self._lists(), self.velocity_gradient, self.stress, rate),
                 ),
             ]
         kernel = laminar.laminar_acceleration_kernel(
@@ -131,10 +131,10 @@ class Viscosity:
         )
         return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), rate)]
 
-    def _gradient(self, packed_velocity: wp.array, renormalise: bool) -> Launch:
+    def _gradient(self, packed_velocity: wp.array) -> Launch:
         m = self.model
         kernel = laminar.velocity_gradient_kernel(
-            m.formulas.smoothing, renormalise, m.formulas.dimensions, m.layout, m.images is not None
+            m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
         )
         return self._record(kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient)
 
