@@ -1,4 +1,4 @@
-"""Viscosity in a scene: what it conserves, the energy that it takes, its order in time, its limit, the flows it makes."""
+"""Viscosity in a scene: what it conserves, the energy that it takes, its order in time, its limit, flows of it."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from warpsph.geometry import place
 from warpsph.scene import SceneError
 from warpsph.simulation import Simulation
-from warpsph.validation.analytic import couette_profile, poiseuille_profile
+from warpsph.validation.analytic import couette, poiseuille
 
 # Relative, for sums over steps and particles in single precision.
 TOLERANCE = 2e-5
@@ -67,7 +67,7 @@ def test_momentum_and_energy_are_accounted_for(make_scene, device, form, overrid
     np.testing.assert_allclose(after, before, rtol=0, atol=TOLERANCE * scale)
     if form == "cleary":
         assert still_turning == pytest.approx(turning, abs=TOLERANCE * scale)
-    assert end.dissipated > 0.2 * start.kinetic
+    assert end.dissipated > 0.05 * start.kinetic
     assert end.total == pytest.approx(start.total, abs=TOLERANCE * start.kinetic)
 
 
@@ -124,7 +124,7 @@ def test_stages_agree_with_single_sweeps(make_scene, device):
 
 def test_a_run_without_end_is_refused(make_scene, device):
     scene = make_scene(DROP, "laminar.stages=1", "materials.oil.dynamic_viscosity=1.0e12")
-    with pytest.raises(SceneError, match=r"run.end_time: needs 3\.\de\+09 steps of .* s, more than 1e\+08"):
+    with pytest.raises(SceneError, match=r"run.end_time: needs 1\.4e\+12 steps of 7\.0e-13 s, more than 1e\+08"):
         Simulation(scene, device)
     Simulation(
         make_scene(DROP, "laminar.stages=1", "materials.oil.dynamic_viscosity=1.0e12", "run.max_steps=5"), device
@@ -155,18 +155,18 @@ def make_resting(make_scene, device):
 
 CHANNEL = """
 title: A channel
-spacing: 0.04
+spacing: 0.03125
 gravity: 0.0
 materials: {oil: {density: 1000.0, sound_speed: 10.0, alpha: 0.0, dynamic_viscosity: 500.0}}
 tensile_correction: false
 xsph: 0.0
-fluids: [{name: oil, material: oil, hydrostatic: false, shape: {box: {min: [0, 0], max: [0.48, 1.0]}}}]
+fluids: [{name: oil, material: oil, hydrostatic: false, shape: {box: {min: [0, 0], max: [0.5, 1.0]}}}]
 images:
-  - {name: along, periodic: {start: [0, 0], end: [0.48, 0]}}
+  - {name: along, periodic: {start: [0, 0], end: [0.5, 0]}}
 run: {end_time: 100.0}
 """
 UP = "{name: up, periodic: {start: [0, 0], end: [0, 1.0]}}"
-ALONG = "{name: along, periodic: {start: [0, 0], end: [0.48, 0]}}"
+ALONG = "{name: along, periodic: {start: [0, 0], end: [0.5, 0]}}"
 
 
 def wall(name: str, z: float, up: int, speed: float = 0.0) -> str:
@@ -175,15 +175,17 @@ def wall(name: str, z: float, up: int, speed: float = 0.0) -> str:
 
 
 @pytest.mark.parametrize(
-    "overrides",
-    [[], ["materials.oil.dynamic_viscosity=5000.0"], ["spacing=0.02", "smoothing.ratio=3.0", "laminar.form=cleary"]],
-    ids=["explicit", "stages", "cleary"],
+    ("overrides", "error"),
+    [
+        ([], 0.015),
+        (["materials.oil.dynamic_viscosity=1000.0"], 0.015),
+        (["laminar.form=stress"], 0.015),
+        (["laminar.form=cleary", "smoothing.ratio=2.5"], 0.03),
+    ],
+    ids=["explicit", "stages", "stress", "cleary"],
 )
-def test_shear_wave_decays(make_scene, device, overrides):
-    """u = exp(-nu k^2 t) sin k z in a periodic box: the viscosity within 2 % at 25 particles a wave, the rest smoothed.
-
-    README of kernels has the figures at finer spacings.
-    """
+def test_shear_wave_decays(make_scene, device, overrides, error):
+    """u = exp(-nu k^2 t) sin k z in a periodic box, at 32 particles a wave, over which smoothing takes 1 %."""
     scene = make_scene(CHANNEL, f"images=[{ALONG}, {UP}]", *overrides)
     placement = place(scene)
     k = 2.0 * np.pi
@@ -194,11 +196,25 @@ def test_shear_wave_decays(make_scene, device, overrides):
     simulation.advance(end)
     found = simulation.state.snapshot()
     amplitude = 2.0 * np.mean(np.sin(k * found.position[:, 2]) * found.velocity[:, 0])
-    assert -np.log(amplitude) == pytest.approx(1.0, rel=0.02)
+    assert -np.log(amplitude) == pytest.approx(1.0, rel=error)
 
 
 @every_form
-def test_couette_and_poiseuille_are_bounded_by_no_slip(make_scene, device, form):
-    """Steady profiles between walls."""
-    if form == "stress":
-        pytest.skip("the next test")
+@pytest.mark.parametrize("flow", ["couette", "poiseuille"])
+def test_flow_between_walls(make_scene, device, form, flow):
+    """Profiles on their way to the steady state, root mean square over the largest: 2 %, `cleary` on a wider kernel."""
+    lid = wall("lid", 1.0, -1, 0.1 if flow == "couette" else 0.0)
+    force = [] if flow == "couette" else ["body_force=[0.5, 0.0]"]
+    wider = ["smoothing.ratio=2.5"] if form == "cleary" else []
+    images = f"images=[{ALONG}, {wall('bed', 0.0, 1)}, {lid}]"
+    scene = make_scene(CHANNEL, images, f"laminar.form={form}", *force, *wider)
+    simulation = Simulation(scene, device)
+    for time in (0.2, 0.5):
+        simulation.advance(time)
+        found = simulation.state.snapshot()
+        z = found.position[:, 2]
+        if flow == "couette":
+            exact = couette(z, time, height=1.0, speed=0.1, viscosity=0.5)
+        else:
+            exact = poiseuille(z, time, height=1.0, acceleration=0.5, viscosity=0.5)
+        assert np.sqrt(np.mean((found.velocity[:, 0] - exact) ** 2)) < 0.02 * exact.max()
