@@ -21,7 +21,7 @@ from .corrections import renormalisation
 from .images import Images, velocity_beyond
 from .parameters import Parameters
 from .rates import CPU_LAYOUT, Layout, compiler_options
-from .rheology import Rheology, deviator
+from .rheology import Rheology
 from .smoothing import SMOOTHING
 
 # ------------------------------------------------------------------------------------------------------ pair forms
@@ -235,101 +235,125 @@ def velocity_gradient_kernel(
     return velocity_gradient
 
 
+@wp.func
+def isotropic(value: float, dimensions: int) -> wp.mat33:
+    """`value` times the identity, which in the plane has no y."""
+    return wp.diag(wp.vec3(value, wp.where(dimensions == 3, value, 0.0), value))
+
+
 @wp.kernel(enable_backward=False)
-def viscous_stress(
+def transposed_stress(
     first: int,
     velocity_gradient: wp.array[wp.mat33],
     viscosity: wp.array[float],
     dimensions: int,
-    stress_out: wp.array[wp.mat33],
+    transposed_stress_out: wp.array[wp.mat33],
 ):
-    """T_i = mu_i D'_i [Pa], D' of rheology.py: Vasco (2014) 6.1.3 with the trace put right."""
+    """S_i = mu_i (L_i^T - (2 / d) (div u) I) [Pa]: T of rheology.py less mu grad u, whose divergence eq 99 holds."""
     i = first + wp.tid()
-    stress_out[i] = viscosity[i] * deviator(velocity_gradient[i], dimensions)
+    L = velocity_gradient[i]
+    dilation = isotropic(2.0 / float(dimensions) * wp.trace(L), dimensions)
+    transposed_stress_out[i] = viscosity[i] * (wp.transpose(L) - dilation)
 
 
 @wp.func
-def gradient_beyond(images: Images, k: int, L: wp.mat33) -> wp.mat33:
-    """Velocity gradient [1/s] at the ghost of a particle with L through image k.
+def stress_beyond(images: Images, k: int, S: wp.mat33, dimensions: int) -> wp.mat33:
+    """S [Pa] at the ghost of a particle with S through image k.
 
-    u' = F u + f at x' = R x + t gives F L R^T. Where a wall's own velocity stands for that of every ghost, or it is
-    extrapolated from the wall, the flow goes on beyond the wall as it comes, F = -1: a velocity that is the same
-    everywhere would end the stress at the wall.
+    u' = F u + f at x' = R x + t has the gradient F L R^T, and mu L = S^T - (2 / d) (tr S) I. Where a wall's own velocity
+    stands for that of every ghost, or it is extrapolated from the wall, the flow goes on beyond the wall as it comes,
+    F = -1: a velocity that is the same everywhere would end the stress at the wall.
     """
     F = images.friction[k]
     if images.extrapolates[k] != 0 or wp.ddot(F, F) == 0.0:
         F = -wp.identity(n=3, dtype=float)
-    return F * L * wp.transpose(images.rotation[k])
-
-
-@wp.func
-def velocity_of(velocity_viscosity: wp.vec4, dimensions: int) -> wp.vec3:
-    """(u, v, w) of (u, v, w, mu), in a plane of (u, x, w, mu)."""
-    return wp.vec3(velocity_viscosity[0], wp.where(dimensions == 2, 0.0, velocity_viscosity[1]), velocity_viscosity[2])
+    share = 2.0 / float(dimensions)
+    mu_L = wp.transpose(S) - isotropic(share * wp.trace(S), dimensions)
+    beyond = F * mu_L * wp.transpose(images.rotation[k])
+    return wp.transpose(beyond) - isotropic(share * wp.trace(beyond), dimensions)
 
 
 @cache
-def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.Kernel:
-    """The pair loop of the divergence of a symmetric stress.
+def stress_acceleration_kernel(
+    smoothing: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+) -> wp.Kernel:
+    """The pair loop of the divergence of the stress T = mu (grad u + grad u^T - (2 / d) (div u) I) = mu grad u + S.
 
-        du_i/dt = sum_j m_j (T_i + T_j) / (rho_i rho_j) . grad_i W_ij
-                  + 1 / rho_i sum_j V_j s_ij (mu_i + mu_j) (u_ij - (L_i + L_j) / 2 x_ij)
+        du_i/dt = 1 / rho_i sum_j V_j s_ij ((S_i + S_j) x_ij + (mu_i + mu_j) u_ij)
 
-    The first line is Vasco (2014) eq 100 without its pressure, which eq 38 holds, and with the material derivative that
-    it means. A velocity that alternates from particle to particle has no gradient there, and whatever has made it, a
-    wall for one, it stays. The second line is eq 99 of what the gradients leave out: nothing in a linear flow, of the
-    order h^2 in others, and all of what alternates. Rigid rotation is left alone, and a surface feels no stress.
+    The first part is Vasco (2014) eq 100, without its pressure, which eq 38 holds, and with the material derivative that
+    it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to particle:
+    it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one viscosity both
+    are the same. Rigid rotation is left alone, and a free surface feels no stress.
     """
     slope = SMOOTHING[smoothing].slope
+    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    spatial = dimensions == 3
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def stress_acceleration(
         first: int,
         parameters: Parameters,
         images: Images,
         particle_count: int,
-        position_volume: wp.array[wp.vec4],
-        velocity_viscosity: wp.array[wp.vec4],
+        position_volume: wp.array[packed],
+        velocity_viscosity: wp.array[packed],
+        place: wp.array[wp.vec4],
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
-        velocity_gradient: wp.array[wp.mat33],
-        stress: wp.array[wp.mat33],
+        stress: wp.array[float],
+        transposed: wp.array[wp.mat33],
         stress_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by stress [m/s2]."""
+        """a_i by stress [m/s2]; `stress` and `transposed` are S as numbers and as tensors, the same memory."""
         i = first + wp.tid()
-        xV_i, um_i, T_i, L_i = position_volume[i], velocity_viscosity[i], stress[i], velocity_gradient[i]
-        x_i, u_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), velocity_of(um_i, parameters.dimensions)
-        inverse_rho_i = xV_i[3] / parameters.mass[fluid[i]]
+        x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
+        S_i = transposed[i]
+        xx_i, xy_i, xz_i = S_i[0, 0], S_i[0, 1], S_i[0, 2]
+        yx_i, yy_i, yz_i = S_i[1, 0], S_i[1, 1], S_i[1, 2]
+        zx_i, zy_i, zz_i = S_i[2, 0], S_i[2, 1], S_i[2, 2]
 
-        by_stress = wp.vec3()
-        row = i * parameters.row_stride
-        for k in range(inner_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
-            xV_j, um_j = position_volume[j], velocity_viscosity[j]
-            x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-            u_ij = u_i - velocity_of(um_j, parameters.dimensions)
-            s = xV_j[3] * slope(wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h)
-            left_out = u_ij - 0.5 * ((L_i + velocity_gradient[j]) * x_ij)
-            by_stress += s * ((T_i + stress[j]) * x_ij + (um_i[3] + um_j[3]) * left_out)
+        stress_x, stress_y, stress_z = float(0.0), float(0.0), float(0.0)
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        k = i * parameters.row_stride
+        end = k + inner_count[i] * stride
+        while k < end:
+            j = neighbour_list[k]
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, velocity_viscosity, j)
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+            s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            mu = mu_i + mu_j
+            n = 9 * j
+            stress_x += s * ((xx_i + stress[n]) * x + (xz_i + stress[n + 2]) * z + mu * u)
+            stress_z += s * ((zx_i + stress[n + 6]) * x + (zz_i + stress[n + 8]) * z + mu * w)
+            if wp.static(spatial):
+                stress_x += s * (xy_i + stress[n + 1]) * y
+                stress_y += s * ((yx_i + stress[n + 3]) * x + (yy_i + stress[n + 4]) * y)
+                stress_y += s * ((yz_i + stress[n + 5]) * z + mu * v)
+                stress_z += s * (zy_i + stress[n + 7]) * y
+            k += stride
+
+        by_stress = wp.vec3(stress_x, stress_y, stress_z)
         if wp.static(with_images):
-            for k in range(inner_count[i], neighbour_count[i]):
-                j = neighbour_list[row + k * parameters.column_stride]
+            x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            end = i * parameters.row_stride + neighbour_count[i] * stride
+            while k < end:
+                j = neighbour_list[k]
                 g = j - particle_count
-                source, image = ghost_source[g], ghost_image[g]
-                xV_g, xV_s, um_s = position_volume[j], position_volume[source], velocity_viscosity[source]
-                x_s, u_s = wp.vec3(xV_s[0], xV_s[1], xV_s[2]), velocity_of(um_s, parameters.dimensions)
-                L_g = gradient_beyond(images, image, velocity_gradient[source])
-                T_g = um_s[3] * deviator(L_g, parameters.dimensions)
-                x_ig = x_i - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
-                u_ig = u_i - velocity_beyond(images, image, x_i, u_i, x_s, u_s)
+                source, image, xV_g = ghost_source[g], ghost_image[g], place[j]
+                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, source)
+                u_g = velocity_beyond(images, image, x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s))
+                S_g = stress_beyond(images, image, transposed[source], parameters.dimensions)
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
-                left_out = u_ig - 0.5 * ((L_i + L_g) * x_ig)
-                by_stress += s * ((T_i + T_g) * x_ig + (um_i[3] + um_s[3]) * left_out)
+                by_stress += s * ((S_i + S_g) * x_ig + (mu_i + mu_s) * (u_vec - u_g))
+                k += stride
+        inverse_rho_i = V_i / parameters.mass[fluid[i]]
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress
 
     return stress_acceleration

@@ -7,7 +7,7 @@ import warp as wp
 from warpsph.kernels import laminar
 from warpsph.kernels.images import Images
 from warpsph.kernels.rheology import apparent_viscosity_kernel
-from warpsph.launch import Launch
+from warpsph.launch import Launch, alias
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.rheology import legendre_stages
@@ -116,15 +116,17 @@ class Viscosity:
         """L of a velocity; what comes before the last launch must be over when that begins."""
         m, s = self.model, self.state
         if m.viscous.form == "stress":
-            stress = [self.velocity_gradient, self.viscosity, m.parameters.dimensions, self.stress]
+            kernel = laminar.stress_acceleration_kernel(
+                m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
+            )
+            stress = alias(self.stress, wp.float32, 9 * m.particle_count), self.stress
             return [
                 self._gradient(velocity_viscosity),
-                self._record(laminar.viscous_stress, *stress),
                 self._record(
-                    laminar.stress_acceleration_kernel(m.formulas.smoothing, m.images is not None),
-                    *(m.parameters, self._images, m.particle_count, s.position_volume, velocity_viscosity, s.fluid),
-                    *(*self._lists(), self.velocity_gradient, self.stress, rate),
+                    laminar.transposed_stress,
+                    *(self.velocity_gradient, self.viscosity, m.parameters.dimensions, self.stress),
                 ),
+                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), *stress, rate),
             ]
         kernel = laminar.laminar_acceleration_kernel(
             m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None

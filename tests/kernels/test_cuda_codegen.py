@@ -60,7 +60,10 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, LAMINAR, MEAN)),
         *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(LAMINAR, MEAN, (2, 3))),
     ],
-    stress_acceleration_kernel: list(product(SMOOTHING, (False, True))),
+    stress_acceleration_kernel: [
+        *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
+        *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+    ],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
 }

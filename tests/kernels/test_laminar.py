@@ -15,11 +15,12 @@ from warpsph.kernels.laminar import (
     artificial_share,
     laminar_acceleration_kernel,
     stress_acceleration_kernel,
+    transposed_stress,
     velocity_gradient_kernel,
-    viscous_stress,
 )
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.launch import alias
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
 TOLERANCE = 1e-5
@@ -101,12 +102,12 @@ def velocity_gradient(cloud, beyond: Beyond | None = None) -> np.ndarray:
     return L
 
 
-def stress(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> np.ndarray:
-    """T_i [Pa], shape [n, 3, 3]."""
-    gradient, stress = (cloud.array(np.zeros((len(mu), 3, 3)), wp.mat33) for _ in range(2))
+def transposed(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> wp.array:
+    """S_i [Pa], on the device."""
+    gradient, found = (cloud.array(np.zeros((len(mu), 3, 3)), wp.mat33) for _ in range(2))
     gradient.assign(velocity_gradient(cloud, beyond))
-    cloud.launcher.run(viscous_stress, len(mu), [gradient, cloud.array(mu, float), 2, stress])
-    return stress.numpy().astype(float)
+    cloud.launcher.run(transposed_stress, len(mu), [gradient, cloud.array(mu, float), 2, found])
+    return found
 
 
 def acceleration(
@@ -115,11 +116,11 @@ def acceleration(
     """By the viscosity `mu` [Pa s] in one of the two pair forms, or by the divergence of its stress; shape [n, 3]."""
     mu, with_images = np.broadcast_to(mu, len(cloud.x)), beyond is not None
     if form == "stress":
-        T, L = stress(cloud, mu, beyond), velocity_gradient(cloud, beyond)
+        S = transposed(cloud, mu, beyond)
+        kernel = stress_acceleration_kernel(cloud.smoothing, 2, layout(cloud), with_images)
         beyond = beyond or Beyond(cloud)
-        inputs = [beyond.images, len(cloud.x), beyond.position_volume, packed_velocity(cloud, mu), cloud.fluids]
-        inputs += [*beyond.lists(), cloud.array(L, wp.mat33), cloud.array(T, wp.mat33)]
-        return cloud.run(stress_acceleration_kernel(cloud.smoothing, with_images), inputs, [wp.vec3])[0]
+        inputs = [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), alias(S, wp.float32, 9 * len(mu)), S]
+        return cloud.run(kernel, inputs, [wp.vec3])[0]
     kernel = laminar_acceleration_kernel(cloud.smoothing, form, mean, 2, layout(cloud), with_images)
     beyond = beyond or Beyond(cloud)
     return cloud.run(kernel, [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists()], [wp.vec3])[0]
@@ -167,37 +168,40 @@ def test_cleary_is_its_formula(mixture, smoothing):
 
 @every_smoothing
 def test_stress_form_is_eq_100(mixture, smoothing):
-    """sum_j m_j (T_i + T_j) / (rho_i rho_j) . grad_i W_ij, T = mu (D - (div u) I) in the plane, D renormalised; and
-    eq 99 of u_ij less what the gradients say of it."""
+    """sum_j m_j (S_i + S_j) / (rho_i rho_j) . grad_i W_ij, S = mu (L^T - (div u) I) in the plane, and eq 99."""
     cloud = mixture(smoothing=smoothing)
     mu = random_viscosity(cloud)
     L = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.u_ij, cloud.grad_W)
     M = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.x_ij, cloud.grad_W)
     L = L @ np.linalg.inv(M + np.diag([0.0, 1.0, 0.0]))
     assert_same(velocity_gradient(cloud), L)
-    T = mu[:, None, None] * stress_of(L)
-    assert_same(stress(cloud, mu), T)
-    assert_same(acceleration(cloud, "stress", mu), of_stress(cloud, mu, L, T))
+    S = mu[:, None, None] * transposed_of(L)
+    assert_same(transposed(cloud, mu).numpy().astype(float), S)
+    assert_same(acceleration(cloud, "stress", mu), acceleration(cloud, "morris", mu) + divergence(cloud, S))
 
 
-def stress_of(L: np.ndarray) -> np.ndarray:
-    """D - (div u) I in the plane [1/s], shape [n, 3, 3]."""
-    return L + np.swapaxes(L, 1, 2) - np.trace(L, axis1=1, axis2=2)[:, None, None] * np.diag([1.0, 0.0, 1.0])
+def transposed_of(L: np.ndarray) -> np.ndarray:
+    """L^T - (div u) I in the plane [1/s], shape [n, 3, 3]."""
+    return np.swapaxes(L, 1, 2) - np.trace(L, axis1=1, axis2=2)[:, None, None] * np.diag([1.0, 0.0, 1.0])
 
 
-def of_stress(cloud, mu: np.ndarray, L: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """The stress form by NumPy, from velocity gradients and stresses, shape [n, 3]."""
+def divergence(cloud, S: np.ndarray) -> np.ndarray:
+    """Eq 100 of a stress by NumPy, shape [n, 3]."""
     factor = cloud.m / (cloud.rho[:, None] * cloud.rho)
-    slope = np.einsum("ijk,ijk->ij", cloud.x_ij, cloud.grad_W) / cloud.r**2
-    left_out = cloud.u_ij - 0.5 * np.einsum("ijkl,ijl->ijk", L[:, None] + L, cloud.x_ij)
-    found = np.einsum("ij,ijkl,ijl->ik", factor, T[:, None] + T, cloud.grad_W)
-    return found + np.einsum("ij,ijk->ik", factor * (mu[:, None] + mu) * slope, left_out)
+    return np.einsum("ij,ijkl,ijl->ik", factor, S[:, None] + S, cloud.grad_W)
 
 
-def test_stress_has_no_trace(mixture):
-    T = stress(mixture(), np.ones(289))
-    assert np.abs(np.trace(T, axis1=1, axis2=2)).max() < TOLERANCE * np.abs(T).max()
-    assert not T[:, 1].any() and not T[:, :, 1].any()
+@every_smoothing
+def test_stress_form_is_the_divergence_of_the_stress(make_cloud, lattice, smoothing):
+    """Far from edges, mu (d2u/dx2 + d2u/dz2 + d/dx div u (1 - 2 / d)) of u = x^2 + x z, w = z^2; 2 mu and mu."""
+    x = lattice(33, 33)
+    X, Z = x[:, 0], x[:, 2]
+    u = np.stack([X**2 + X * Z, 0.0 * X, Z**2], axis=1)
+    cloud = make_cloud(x, u=u, ratio=2.0, smoothing=smoothing)
+    found = 1000.0 * acceleration(cloud, "stress", 3.0)[np.abs(x).max(axis=1) < 0.15]
+    # div T: T_xx = mu (u_x - w_z), T_xz = mu (u_z + w_x), T_zz = -T_xx.
+    np.testing.assert_allclose(found[:, 0], 3.0 * 2.0, rtol=0.02)
+    np.testing.assert_allclose(found[:, 2], 3.0 * (1.0 - 1.0 + 2.0), rtol=0.02)
 
 
 # ----------------------------------------------------------------------------------------------------- conservation
@@ -373,10 +377,11 @@ def test_a_ghost_acts_as_the_particle_that_it_shows(make_cloud, lattice, form, i
     L = velocity_gradient(cloud, beyond)
     assert_same(L, velocity_gradient(full)[: len(x)])
     if form == "stress":
-        # The copies at the rim do not see all of what they would: their stress is that of the particles they copy.
+        # The copies at the rim do not see all of what they would: their gradient is that of the particles they copy.
         images_of = [(np.eye(3), np.eye(3)), *((image["F"], image["R"]) for image in images)]
         gradients = np.concatenate([F @ L @ R.T for F, R in images_of])
-        expected = of_stress(full, all_mu, gradients, all_mu[:, None, None] * stress_of(gradients))
+        expected = divergence(full, all_mu[:, None, None] * transposed_of(gradients))
+        expected += acceleration(full, "morris", all_mu)
     else:
         expected = acceleration(full, form, all_mu)
     assert_same(acceleration(cloud, form, mu, beyond=beyond), expected[: len(x)])
