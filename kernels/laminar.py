@@ -20,7 +20,7 @@ import warp as wp
 from .corrections import renormalisation
 from .images import Images, velocity_beyond
 from .parameters import Parameters
-from .rates import CPU_LAYOUT, Layout, compiler_options
+from .rates import CPU_LAYOUT, Layout, compiler_options, high, low
 from .rheology import Rheology
 from .smoothing import SMOOTHING
 
@@ -241,28 +241,79 @@ def isotropic(value: float, dimensions: int) -> wp.mat33:
     return wp.diag(wp.vec3(value, wp.where(dimensions == 3, value, 0.0), value))
 
 
-@wp.kernel(enable_backward=False)
-def transposed_stress(
-    first: int,
-    velocity_gradient: wp.array[wp.mat33],
-    viscosity: wp.array[float],
-    dimensions: int,
-    transposed_stress_out: wp.array[wp.mat33],
-):
-    """S_i = mu_i (L_i^T - (2 / d) (div u) I) [Pa]: T of rheology.py less mu grad u, whose divergence eq 99 holds."""
-    i = first + wp.tid()
-    L = velocity_gradient[i]
-    dilation = isotropic(2.0 / float(dimensions) * wp.trace(L), dimensions)
-    transposed_stress_out[i] = viscosity[i] * (wp.transpose(L) - dilation)
+@cache
+def transposed_stress_kernel(dimensions: int) -> wp.Kernel:
+    """S = mu (grad u^T - (2 / d) (div u) I) of each particle: T of rheology.py less mu grad u, which eq 99 holds."""
+    spatial = dimensions == 3
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def transposed_stress(
+        first: int,
+        velocity_gradient: wp.array[wp.mat33],
+        viscosity: wp.array[float],
+        dimensions: int,
+        stress_out: wp.array[wp.vec4],
+    ):
+        """S_i [Pa], packed: (xx, xz, zx, zz) in the plane, and in space three rows, each with a place to spare."""
+        i = first + wp.tid()
+        L = velocity_gradient[i]
+        dilation = isotropic(2.0 / float(dimensions) * wp.trace(L), dimensions)
+        S = viscosity[i] * (wp.transpose(L) - dilation)
+        if wp.static(spatial):
+            stress_out[3 * i] = wp.vec4(S[0, 0], S[0, 1], S[0, 2], 0.0)
+            stress_out[3 * i + 1] = wp.vec4(S[1, 0], S[1, 1], S[1, 2], 0.0)
+            stress_out[3 * i + 2] = wp.vec4(S[2, 0], S[2, 1], S[2, 2], 0.0)
+        else:
+            stress_out[i] = wp.vec4(S[0, 0], S[0, 2], S[2, 0], S[2, 2])
+
+    return transposed_stress
+
+
+@wp.func
+def tensor_of_pairs_in_plane(stress: wp.array[wp.uint64], i: int):
+    """xx, xy, xz, yx, yy, yz, zx, zy, zz of particle i in a plane, in two loads of two floats."""
+    xx_xz, zx_zz = stress[2 * i], stress[2 * i + 1]
+    return low(xx_xz), 0.0, high(xx_xz), 0.0, 0.0, 0.0, low(zx_zz), 0.0, high(zx_zz)
+
+
+@wp.func
+def tensor_of_pairs(stress: wp.array[wp.uint64], i: int):
+    """The same in space, in six."""
+    xx_xy, xz, yx_yy = stress[6 * i], stress[6 * i + 1], stress[6 * i + 2]
+    yz, zx_zy, zz = stress[6 * i + 3], stress[6 * i + 4], stress[6 * i + 5]
+    return low(xx_xy), high(xx_xy), low(xz), low(yx_yy), high(yx_yy), low(yz), low(zx_zy), high(zx_zy), low(zz)
+
+
+@wp.func
+def tensor_of_vectors_in_plane(stress: wp.array[wp.vec4], i: int):
+    """The same in a plane, in one load of four floats."""
+    S = stress[i]
+    return S[0], 0.0, S[1], 0.0, 0.0, 0.0, S[2], 0.0, S[3]
+
+
+@wp.func
+def tensor_of_vectors(stress: wp.array[wp.vec4], i: int):
+    """The same in space, in three."""
+    x, y, z = stress[3 * i], stress[3 * i + 1], stress[3 * i + 2]
+    return x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]
+
+
+# By what memory is seen as, and the dimensions of space.
+TENSOR: Mapping[tuple[type, int], wp.Function] = {
+    (wp.uint64, 2): tensor_of_pairs_in_plane,
+    (wp.uint64, 3): tensor_of_pairs,
+    (wp.vec4, 2): tensor_of_vectors_in_plane,
+    (wp.vec4, 3): tensor_of_vectors,
+}
 
 
 @wp.func
 def stress_beyond(images: Images, k: int, S: wp.mat33, dimensions: int) -> wp.mat33:
     """S [Pa] at the ghost of a particle with S through image k.
 
-    u' = F u + f at x' = R x + t has the gradient F L R^T, and mu L = S^T - (2 / d) (tr S) I. Where a wall's own velocity
-    stands for that of every ghost, or it is extrapolated from the wall, the flow goes on beyond the wall as it comes,
-    F = -1: a velocity that is the same everywhere would end the stress at the wall.
+    u' = F u + f at x' = R x + t has the gradient F L R^T, and mu L = S^T - (2 / d) (tr S) I. Where the wall's own
+    velocity stands for that of every ghost, or it is extrapolated from the wall, the flow goes on beyond the wall as it
+    comes, F = -1: a velocity that is the same everywhere would end the stress at the wall.
     """
     F = images.friction[k]
     if images.extrapolates[k] != 0 or wp.ddot(F, F) == 0.0:
@@ -281,13 +332,14 @@ def stress_acceleration_kernel(
 
         du_i/dt = 1 / rho_i sum_j V_j s_ij ((S_i + S_j) x_ij + (mu_i + mu_j) u_ij)
 
-    The first part is Vasco (2014) eq 100, without its pressure, which eq 38 holds, and with the material derivative that
-    it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to particle:
-    it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one viscosity both
-    are the same. Rigid rotation is left alone, and a free surface feels no stress.
+    The first part is Vasco (2014) eq 100, without its pressure, which eq 38 holds, and with the material derivative
+    that it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to
+    particle: it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one
+    viscosity both are the same. Rigid rotation is left alone, and a free surface feels no stress.
     """
     slope = SMOOTHING[smoothing].slope
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    tensor = TENSOR[layout.packed, dimensions]
     spatial = dimensions == 3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
@@ -305,17 +357,13 @@ def stress_acceleration_kernel(
         neighbour_list: wp.array[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
-        stress: wp.array[float],
-        transposed: wp.array[wp.mat33],
+        stress: wp.array[packed],
         stress_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by stress [m/s2]; `stress` and `transposed` are S as numbers and as tensors, the same memory."""
+        """a_i by stress [m/s2]; `stress` is S of `transposed_stress_kernel`."""
         i = first + wp.tid()
         x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
-        S_i = transposed[i]
-        xx_i, xy_i, xz_i = S_i[0, 0], S_i[0, 1], S_i[0, 2]
-        yx_i, yy_i, yz_i = S_i[1, 0], S_i[1, 1], S_i[1, 2]
-        zx_i, zy_i, zz_i = S_i[2, 0], S_i[2, 1], S_i[2, 2]
+        xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i = tensor(stress, i)
 
         stress_x, stress_y, stress_z = float(0.0), float(0.0), float(0.0)
         stride = parameters.column_stride if wp.static(by_column) else 1
@@ -328,19 +376,19 @@ def stress_acceleration_kernel(
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
             mu = mu_i + mu_j
-            n = 9 * j
-            stress_x += s * ((xx_i + stress[n]) * x + (xz_i + stress[n + 2]) * z + mu * u)
-            stress_z += s * ((zx_i + stress[n + 6]) * x + (zz_i + stress[n + 8]) * z + mu * w)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, j)
+            stress_x += s * ((xx_i + xx) * x + (xz_i + xz) * z + mu * u)
+            stress_z += s * ((zx_i + zx) * x + (zz_i + zz) * z + mu * w)
             if wp.static(spatial):
-                stress_x += s * (xy_i + stress[n + 1]) * y
-                stress_y += s * ((yx_i + stress[n + 3]) * x + (yy_i + stress[n + 4]) * y)
-                stress_y += s * ((yz_i + stress[n + 5]) * z + mu * v)
-                stress_z += s * (zy_i + stress[n + 7]) * y
+                stress_x += s * (xy_i + xy) * y
+                stress_y += s * ((yx_i + yx) * x + (yy_i + yy) * y + (yz_i + yz) * z + mu * v)
+                stress_z += s * (zy_i + zy) * y
             k += stride
 
         by_stress = wp.vec3(stress_x, stress_y, stress_z)
         if wp.static(with_images):
             x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            S_i = wp.mat33(xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i)
             end = i * parameters.row_stride + neighbour_count[i] * stride
             while k < end:
                 j = neighbour_list[k]
@@ -348,7 +396,9 @@ def stress_acceleration_kernel(
                 source, image, xV_g = ghost_source[g], ghost_image[g], place[j]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, source)
                 u_g = velocity_beyond(images, image, x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s))
-                S_g = stress_beyond(images, image, transposed[source], parameters.dimensions)
+                xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, source)
+                S_s = wp.mat33(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+                S_g = stress_beyond(images, image, S_s, parameters.dimensions)
                 x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 by_stress += s * ((S_i + S_g) * x_ig + (mu_i + mu_s) * (u_vec - u_g))

@@ -7,7 +7,7 @@ import warp as wp
 from warpsph.kernels import laminar
 from warpsph.kernels.images import Images
 from warpsph.kernels.rheology import apparent_viscosity_kernel
-from warpsph.launch import Launch, alias
+from warpsph.launch import Launch
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.rheology import legendre_stages
@@ -42,7 +42,8 @@ class Viscosity:
         self.rate = (zeros(wp.vec3), zeros(wp.vec3, by_stages))
         self.mean_rate = (zeros(wp.vec3, by_stages), zeros(wp.vec3, by_stages))
         self.velocity_gradient = zeros(wp.mat33, bool(model.viscous.law) or by_stress)
-        self.stress = zeros(wp.mat33, by_stress)
+        rows = 1 if model.formulas.dimensions == 2 else 3
+        self.stress = wp.zeros(rows * count if by_stress else 1, dtype=wp.vec4, device=device)
         self._images = model.images or Images()
         self._no_ghosts = wp.zeros(1, dtype=int, device=device)
 
@@ -119,14 +120,13 @@ class Viscosity:
             kernel = laminar.stress_acceleration_kernel(
                 m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
             )
-            stress = alias(self.stress, wp.float32, 9 * m.particle_count), self.stress
+            transposed = laminar.transposed_stress_kernel(m.formulas.dimensions)
+            gradient = [self.velocity_gradient, self.viscosity, m.parameters.dimensions]
+            stress = m.launcher.packed(self.stress)
             return [
                 self._gradient(velocity_viscosity),
-                self._record(
-                    laminar.transposed_stress,
-                    *(self.velocity_gradient, self.viscosity, m.parameters.dimensions, self.stress),
-                ),
-                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), *stress, rate),
+                self._record(transposed, *gradient, self.stress),
+                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), stress, rate),
             ]
         kernel = laminar.laminar_acceleration_kernel(
             m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None

@@ -18,6 +18,7 @@ from warpsph.kernels.laminar import (
     MEAN,
     laminar_acceleration_kernel,
     stress_acceleration_kernel,
+    transposed_stress_kernel,
     velocity_gradient_kernel,
 )
 from warpsph.kernels.loads import reaction_kernel
@@ -64,6 +65,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
     ],
+    transposed_stress_kernel: [(2,), (3,)],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
 }

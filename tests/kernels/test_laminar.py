@@ -15,12 +15,11 @@ from warpsph.kernels.laminar import (
     artificial_share,
     laminar_acceleration_kernel,
     stress_acceleration_kernel,
-    transposed_stress,
+    transposed_stress_kernel,
     velocity_gradient_kernel,
 )
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.launch import alias
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
 TOLERANCE = 1e-5
@@ -80,8 +79,9 @@ class Beyond:
 
 
 def packed_velocity(cloud, last: np.ndarray) -> wp.array:
-    """(u, x, w, `last`) as pair loops of the plane read it."""
-    return cloud.array(np.column_stack([cloud.u[:, 0], cloud.x[:, 0], cloud.u[:, 2], last]), wp.vec4)
+    """(u, v, w, `last`) as pair loops read it, in the plane (u, x, w, `last`)."""
+    v = cloud.x[:, 0] if cloud.parameters.dimensions == 2 else cloud.u[:, 1]
+    return cloud.array(np.column_stack([cloud.u[:, 0], v, cloud.u[:, 2], last]), wp.vec4)
 
 
 def layout(cloud):
@@ -96,17 +96,18 @@ def read(cloud, beyond: Beyond, last: np.ndarray) -> list[object]:
 
 def velocity_gradient(cloud, beyond: Beyond | None = None) -> np.ndarray:
     """L_i [1/s], shape [n, 3, 3]."""
-    kernel = velocity_gradient_kernel(cloud.smoothing, 2, layout(cloud), beyond is not None)
+    kernel = velocity_gradient_kernel(cloud.smoothing, cloud.parameters.dimensions, layout(cloud), beyond is not None)
     beyond = beyond or Beyond(cloud)
     (L,) = cloud.run(kernel, [*read(cloud, beyond, cloud.p), *beyond.lists()], [wp.mat33])
     return L
 
 
 def transposed(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> wp.array:
-    """S_i [Pa], on the device."""
-    gradient, found = (cloud.array(np.zeros((len(mu), 3, 3)), wp.mat33) for _ in range(2))
-    gradient.assign(velocity_gradient(cloud, beyond))
-    cloud.launcher.run(transposed_stress, len(mu), [gradient, cloud.array(mu, float), 2, found])
+    """S_i [Pa] as (xx, xz, zx, zz), in space as three rows, on the device."""
+    dimensions, rows = cloud.parameters.dimensions, len(mu) * (1 if cloud.parameters.dimensions == 2 else 3)
+    gradient, found = velocity_gradient(cloud, beyond), cloud.array(np.zeros((rows, 4)), wp.vec4)
+    inputs = [cloud.array(gradient, wp.mat33), cloud.array(mu, float), dimensions]
+    cloud.launcher.run(transposed_stress_kernel(dimensions), len(mu), [*inputs, found])
     return found
 
 
@@ -117,11 +118,12 @@ def acceleration(
     mu, with_images = np.broadcast_to(mu, len(cloud.x)), beyond is not None
     if form == "stress":
         S = transposed(cloud, mu, beyond)
-        kernel = stress_acceleration_kernel(cloud.smoothing, 2, layout(cloud), with_images)
+        kernel = stress_acceleration_kernel(cloud.smoothing, cloud.parameters.dimensions, layout(cloud), with_images)
         beyond = beyond or Beyond(cloud)
-        inputs = [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), alias(S, wp.float32, 9 * len(mu)), S]
+        inputs = [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), cloud.launcher.packed(S)]
         return cloud.run(kernel, inputs, [wp.vec3])[0]
-    kernel = laminar_acceleration_kernel(cloud.smoothing, form, mean, 2, layout(cloud), with_images)
+    dimensions = cloud.parameters.dimensions
+    kernel = laminar_acceleration_kernel(cloud.smoothing, form, mean, dimensions, layout(cloud), with_images)
     beyond = beyond or Beyond(cloud)
     return cloud.run(kernel, [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists()], [wp.vec3])[0]
 
@@ -176,7 +178,7 @@ def test_stress_form_is_eq_100(mixture, smoothing):
     L = L @ np.linalg.inv(M + np.diag([0.0, 1.0, 0.0]))
     assert_same(velocity_gradient(cloud), L)
     S = mu[:, None, None] * transposed_of(L)
-    assert_same(transposed(cloud, mu).numpy().astype(float), S)
+    assert_same(transposed(cloud, mu).numpy().astype(float), S[:, ::2, ::2].reshape(-1, 4))
     assert_same(acceleration(cloud, "stress", mu), acceleration(cloud, "morris", mu) + divergence(cloud, S))
 
 
@@ -202,6 +204,26 @@ def test_stress_form_is_the_divergence_of_the_stress(make_cloud, lattice, smooth
     # div T: T_xx = mu (u_x - w_z), T_xz = mu (u_z + w_x), T_zz = -T_xx.
     np.testing.assert_allclose(found[:, 0], 3.0 * 2.0, rtol=0.02)
     np.testing.assert_allclose(found[:, 2], 3.0 * (1.0 - 1.0 + 2.0), rtol=0.02)
+
+
+def test_all_forms_in_space(make_cloud):
+    """The same sums with a third component, whatever the constant of W; 5 mu for 4 mu, and 2/3 of the divergence."""
+    random = np.random.default_rng(4)
+    x, u = random.uniform(0.0, 0.5, (150, 3)), random.normal(size=(150, 3))
+    cloud = make_cloud(x, u=u, dimensions=3)
+    mu = random_viscosity(cloud)
+    factor = cloud.m / (cloud.rho[:, None] * cloud.rho)
+    both = factor * (mu[:, None] + mu)
+    slope = np.einsum("ijk,ijk->ij", cloud.x_ij, cloud.grad_W) / cloud.r**2
+    morris = np.einsum("ij,ijk->ik", both * slope, cloud.u_ij)
+    assert_same(acceleration(cloud, "morris", mu), morris)
+    along = both * np.einsum("ijk,ijk->ij", cloud.u_ij, cloud.x_ij) / cloud.r**2
+    assert_same(acceleration(cloud, "cleary", mu), 5.0 * np.einsum("ij,ijk->ik", along, cloud.grad_W))
+    M = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.x_ij, cloud.grad_W)
+    L = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.u_ij, cloud.grad_W) @ np.linalg.inv(M)
+    assert_same(velocity_gradient(cloud), L)
+    S = np.swapaxes(L, 1, 2) - 2.0 / 3.0 * np.trace(L, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    assert_same(acceleration(cloud, "stress", mu), morris + divergence(cloud, mu[:, None, None] * S))
 
 
 # ----------------------------------------------------------------------------------------------------- conservation
