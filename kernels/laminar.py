@@ -326,18 +326,18 @@ def stress_beyond(images: Images, k: int, S: wp.mat33, dimensions: int) -> wp.ma
 
 @cache
 def stress_acceleration_kernel(
-    smoothing: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
 ) -> wp.Kernel:
     """The pair loop of the divergence of the stress T = mu (grad u + grad u^T - (2 / d) (div u) I) = mu grad u + S.
 
-        du_i/dt = 1 / rho_i sum_j V_j s_ij ((S_i + S_j) x_ij + (mu_i + mu_j) u_ij)
+        du_i/dt = 1 / rho_i sum_j V_j s_ij ((S_i + S_j) x_ij + 2 mu_ij u_ij)
 
     The first part is Vasco (2014) eq 100, without its pressure, which eq 38 holds, and with the material derivative
     that it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to
     particle: it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one
     viscosity both are the same. Rigid rotation is left alone, and a free surface feels no stress.
     """
-    slope = SMOOTHING[smoothing].slope
+    slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
     tensor = TENSOR[layout.packed, dimensions]
     spatial = dimensions == 3
@@ -375,7 +375,7 @@ def stress_acceleration_kernel(
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
-            mu = mu_i + mu_j
+            mu = 2.0 * between(mu_i, mu_j)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, j)
             stress_x += s * ((xx_i + xx) * x + (xz_i + xz) * z + mu * u)
             stress_z += s * ((zx_i + zx) * x + (zz_i + zz) * z + mu * w)
@@ -401,7 +401,7 @@ def stress_acceleration_kernel(
                 S_g = stress_beyond(images, image, S_s, parameters.dimensions)
                 x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
-                by_stress += s * ((S_i + S_g) * x_ig + (mu_i + mu_s) * (u_vec - u_g))
+                by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * (u_vec - u_g))
                 k += stride
         inverse_rho_i = V_i / parameters.mass[fluid[i]]
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress

@@ -144,4 +144,5 @@ def kinematic_viscosities(scene: Scene) -> dict[str, tuple[float, float]]:
 
 
 def _takes_harmonic_mean(settings: Laminar) -> bool:
+    """Whether no force of a pair exceeds that of the harmonic mean; the stress form adds up stresses too."""
     return settings.form != "stress" and settings.mean == "harmonic"

@@ -118,7 +118,7 @@ class Viscosity:
         m, s = self.model, self.state
         if m.viscous.form == "stress":
             kernel = laminar.stress_acceleration_kernel(
-                m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
+                m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
             )
             transposed = laminar.transposed_stress_kernel(m.formulas.dimensions)
             gradient = [self.velocity_gradient, self.viscosity, m.parameters.dimensions]

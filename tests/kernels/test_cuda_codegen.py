@@ -62,8 +62,8 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(LAMINAR, MEAN, (2, 3))),
     ],
     stress_acceleration_kernel: [
-        *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
-        *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+        *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
+        *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
     ],
     transposed_stress_kernel: [(2,), (3,)],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),

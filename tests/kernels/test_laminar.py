@@ -118,7 +118,9 @@ def acceleration(
     mu, with_images = np.broadcast_to(mu, len(cloud.x)), beyond is not None
     if form == "stress":
         S = transposed(cloud, mu, beyond)
-        kernel = stress_acceleration_kernel(cloud.smoothing, cloud.parameters.dimensions, layout(cloud), with_images)
+        kernel = stress_acceleration_kernel(
+            cloud.smoothing, mean, cloud.parameters.dimensions, layout(cloud), with_images
+        )
         beyond = beyond or Beyond(cloud)
         inputs = [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), cloud.launcher.packed(S)]
         return cloud.run(kernel, inputs, [wp.vec3])[0]
