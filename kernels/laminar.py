@@ -1,8 +1,8 @@
 """Laminar viscosity: forces of a viscosity mu_i [Pa s] that each particle has, its own or an apparent one.
 
 Two ways. The pair forms of LAMINAR take the difference of two velocities at once. The stress form of eq 100 takes the
-divergence of T = mu D', with D' from the velocity gradients: dearer, and blind to a velocity that alternates from
-particle to particle, but good for any stress. All conserve momentum; `cleary` angular momentum as well.
+divergence of T = mu D', with D' from the velocity gradients: dearer, but right at a free surface and good for any
+stress. All conserve momentum; `cleary` angular momentum as well.
 
 Pair loops read (x, y, z, V) and (u, v, w, mu), packed as those of rates.py: in a plane x lies beside u, in the place of
 v. Beyond the particles of a row come the ghosts that mirrors and periodic edges show of particles, each with the
@@ -20,8 +20,8 @@ import warp as wp
 from .corrections import renormalisation
 from .images import Images, velocity_beyond
 from .parameters import Parameters
-from .rates import CPU_LAYOUT, Layout, compiler_options
-from .rheology import Rheology, deviator
+from .rates import CPU_LAYOUT, Layout, compiler_options, high, low
+from .rheology import Rheology
 from .smoothing import SMOOTHING
 
 # ------------------------------------------------------------------------------------------------------ pair forms
@@ -144,30 +144,17 @@ def laminar_acceleration_kernel(
 # ----------------------------------------------------------------------------------------------------- stress form
 
 
-@wp.func
-def as_it_is(L: wp.mat33, M: wp.mat33) -> wp.mat33:
-    """The plain sum, whose partner is eq 100: together they lose the kinetic energy sum V T : L, never gain any."""
-    return L
-
-
-@wp.func
-def renormalised(L: wp.mat33, M: wp.mat33) -> wp.mat33:
-    """L B: exact for linear velocities, at a surface and in disorder."""
-    return L * renormalisation(M)
-
-
 @cache
 def velocity_gradient_kernel(
-    smoothing: str, renormalise: bool, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
 ) -> wp.Kernel:
     """The pair loop of the velocity gradient.
 
         L_i = (sum_j V_j (u_j - u_i) (x) grad_i W_ij) B_i,    L_ab = d u_a / d x_b
 
-    with B_i of Vasco (2014) eq 54, or without. Its trace is the divergence: renormalised continuity is -rho_i tr L_i.
+    with B_i of Vasco (2014) eq 54: exact for linear velocities, at a surface and in disorder.
     """
     slope = SMOOTHING[smoothing].slope
-    corrected = renormalised if renormalise else as_it_is
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
     spatial = dimensions == 3
 
@@ -243,90 +230,180 @@ def velocity_gradient_kernel(
                 M -= s * wp.outer(x_ig, x_ig)
                 k += stride
         n = parameters.gradient_norm
-        velocity_gradient_out[i] = corrected(n * L, n * M)
+        velocity_gradient_out[i] = (n * L) * renormalisation(n * M)
 
     return velocity_gradient
 
 
-@wp.kernel(enable_backward=False)
-def viscous_stress(
-    first: int,
-    velocity_gradient: wp.array[wp.mat33],
-    viscosity: wp.array[float],
-    dimensions: int,
-    stress_out: wp.array[wp.mat33],
-):
-    """T_i = mu_i D'_i [Pa], D' of rheology.py: Vasco (2014) 6.1.3 with the trace put right."""
-    i = first + wp.tid()
-    stress_out[i] = viscosity[i] * deviator(velocity_gradient[i], dimensions)
+@wp.func
+def isotropic(value: float, dimensions: int) -> wp.mat33:
+    """`value` times the identity, which in the plane has no y."""
+    return wp.diag(wp.vec3(value, wp.where(dimensions == 3, value, 0.0), value))
+
+
+@cache
+def transposed_stress_kernel(dimensions: int) -> wp.Kernel:
+    """S = mu (grad u^T - (2 / d) (div u) I) of each particle: T of rheology.py less mu grad u, which eq 99 holds."""
+    spatial = dimensions == 3
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def transposed_stress(
+        first: int,
+        velocity_gradient: wp.array[wp.mat33],
+        viscosity: wp.array[float],
+        dimensions: int,
+        stress_out: wp.array[wp.vec4],
+    ):
+        """S_i [Pa], packed: (xx, xz, zx, zz) in the plane, and in space three rows, each with a place to spare."""
+        i = first + wp.tid()
+        L = velocity_gradient[i]
+        dilation = isotropic(2.0 / float(dimensions) * wp.trace(L), dimensions)
+        S = viscosity[i] * (wp.transpose(L) - dilation)
+        if wp.static(spatial):
+            stress_out[3 * i] = wp.vec4(S[0, 0], S[0, 1], S[0, 2], 0.0)
+            stress_out[3 * i + 1] = wp.vec4(S[1, 0], S[1, 1], S[1, 2], 0.0)
+            stress_out[3 * i + 2] = wp.vec4(S[2, 0], S[2, 1], S[2, 2], 0.0)
+        else:
+            stress_out[i] = wp.vec4(S[0, 0], S[0, 2], S[2, 0], S[2, 2])
+
+    return transposed_stress
 
 
 @wp.func
-def gradient_beyond(images: Images, k: int, L: wp.mat33) -> wp.mat33:
-    """Velocity gradient [1/s] at the ghost of a particle with L through image k.
+def tensor_of_pairs_in_plane(stress: wp.array[wp.uint64], i: int):
+    """xx, xy, xz, yx, yy, yz, zx, zy, zz of particle i in a plane, in two loads of two floats."""
+    xx_xz, zx_zz = stress[2 * i], stress[2 * i + 1]
+    return low(xx_xz), 0.0, high(xx_xz), 0.0, 0.0, 0.0, low(zx_zz), 0.0, high(zx_zz)
 
-    u' = F u + f at x' = R x + t gives F L R^T. Where a wall's own velocity stands for that of every ghost, or it is
-    extrapolated from the wall, the flow goes on beyond the wall as it comes, F = -1: a velocity that is the same
-    everywhere would end the stress at the wall.
+
+@wp.func
+def tensor_of_pairs(stress: wp.array[wp.uint64], i: int):
+    """The same in space, in six."""
+    xx_xy, xz, yx_yy = stress[6 * i], stress[6 * i + 1], stress[6 * i + 2]
+    yz, zx_zy, zz = stress[6 * i + 3], stress[6 * i + 4], stress[6 * i + 5]
+    return low(xx_xy), high(xx_xy), low(xz), low(yx_yy), high(yx_yy), low(yz), low(zx_zy), high(zx_zy), low(zz)
+
+
+@wp.func
+def tensor_of_vectors_in_plane(stress: wp.array[wp.vec4], i: int):
+    """The same in a plane, in one load of four floats."""
+    S = stress[i]
+    return S[0], 0.0, S[1], 0.0, 0.0, 0.0, S[2], 0.0, S[3]
+
+
+@wp.func
+def tensor_of_vectors(stress: wp.array[wp.vec4], i: int):
+    """The same in space, in three."""
+    x, y, z = stress[3 * i], stress[3 * i + 1], stress[3 * i + 2]
+    return x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]
+
+
+# By what memory is seen as, and the dimensions of space.
+TENSOR: Mapping[tuple[type, int], wp.Function] = {
+    (wp.uint64, 2): tensor_of_pairs_in_plane,
+    (wp.uint64, 3): tensor_of_pairs,
+    (wp.vec4, 2): tensor_of_vectors_in_plane,
+    (wp.vec4, 3): tensor_of_vectors,
+}
+
+
+@wp.func
+def stress_beyond(images: Images, k: int, S: wp.mat33, dimensions: int) -> wp.mat33:
+    """S [Pa] at the ghost of a particle with S through image k.
+
+    u' = F u + f at x' = R x + t has the gradient F L R^T, and mu L = S^T - (2 / d) (tr S) I. Where the wall's own
+    velocity stands for that of every ghost, or it is extrapolated from the wall, the flow goes on beyond the wall as it
+    comes, F = -1: a velocity that is the same everywhere would end the stress at the wall.
     """
     F = images.friction[k]
     if images.extrapolates[k] != 0 or wp.ddot(F, F) == 0.0:
         F = -wp.identity(n=3, dtype=float)
-    return F * L * wp.transpose(images.rotation[k])
+    share = 2.0 / float(dimensions)
+    mu_L = wp.transpose(S) - isotropic(share * wp.trace(S), dimensions)
+    beyond = F * mu_L * wp.transpose(images.rotation[k])
+    return wp.transpose(beyond) - isotropic(share * wp.trace(beyond), dimensions)
 
 
 @cache
-def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.Kernel:
-    """The pair loop of the divergence of a symmetric stress.
+def stress_acceleration_kernel(
+    smoothing: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+) -> wp.Kernel:
+    """The pair loop of the divergence of the stress T = mu (grad u + grad u^T - (2 / d) (div u) I) = mu grad u + S.
 
-        du_i/dt = sum_j m_j (T_i + T_j) / (rho_i rho_j) . grad_i W_ij
+        du_i/dt = 1 / rho_i sum_j V_j s_ij ((S_i + S_j) x_ij + 2 mu_ij u_ij)
 
-    Vasco (2014) eq 100 without its pressure, which eq 38 holds, and with the material derivative that it means.
+    The first part is Vasco (2014) eq 100, without its pressure, which eq 38 holds, and with the material derivative
+    that it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to
+    particle: it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one
+    viscosity both are the same. Rigid rotation is left alone, and a free surface feels no stress.
     """
-    slope = SMOOTHING[smoothing].slope
+    slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
+    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    tensor = TENSOR[layout.packed, dimensions]
+    spatial = dimensions == 3
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def stress_acceleration(
         first: int,
         parameters: Parameters,
         images: Images,
         particle_count: int,
-        position_volume: wp.array[wp.vec4],
+        position_volume: wp.array[packed],
+        velocity_viscosity: wp.array[packed],
+        place: wp.array[wp.vec4],
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
-        viscosity: wp.array[float],
-        velocity_gradient: wp.array[wp.mat33],
-        stress: wp.array[wp.mat33],
+        stress: wp.array[packed],
         stress_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by stress [m/s2]; viscosity and velocity gradient are read of the particles behind ghosts."""
+        """a_i by stress [m/s2]; `stress` is S of `transposed_stress_kernel`."""
         i = first + wp.tid()
-        xV_i, T_i = position_volume[i], stress[i]
-        x_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2])
-        inverse_rho_i = xV_i[3] / parameters.mass[fluid[i]]
+        x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
+        xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i = tensor(stress, i)
 
-        by_stress = wp.vec3()
-        row = i * parameters.row_stride
-        for k in range(inner_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
-            xV_j = position_volume[j]
-            x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-            q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h
-            by_stress += xV_j[3] * slope(q) * ((T_i + stress[j]) * x_ij)
+        stress_x, stress_y, stress_z = float(0.0), float(0.0), float(0.0)
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        k = i * parameters.row_stride
+        end = k + inner_count[i] * stride
+        while k < end:
+            j = neighbour_list[k]
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, velocity_viscosity, j)
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+            s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            mu = 2.0 * between(mu_i, mu_j)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, j)
+            stress_x += s * ((xx_i + xx) * x + (xz_i + xz) * z + mu * u)
+            stress_z += s * ((zx_i + zx) * x + (zz_i + zz) * z + mu * w)
+            if wp.static(spatial):
+                stress_x += s * (xy_i + xy) * y
+                stress_y += s * ((yx_i + yx) * x + (yy_i + yy) * y + (yz_i + yz) * z + mu * v)
+                stress_z += s * (zy_i + zy) * y
+            k += stride
+
+        by_stress = wp.vec3(stress_x, stress_y, stress_z)
         if wp.static(with_images):
-            for k in range(inner_count[i], neighbour_count[i]):
-                j = neighbour_list[row + k * parameters.column_stride]
+            x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            S_i = wp.mat33(xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i)
+            end = i * parameters.row_stride + neighbour_count[i] * stride
+            while k < end:
+                j = neighbour_list[k]
                 g = j - particle_count
-                xV_g, source = position_volume[j], ghost_source[g]
-                L_g = gradient_beyond(images, ghost_image[g], velocity_gradient[source])
-                T_g = viscosity[source] * deviator(L_g, parameters.dimensions)
-                x_ig = x_i - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
-                q = wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h
-                by_stress += xV_g[3] * slope(q) * ((T_i + T_g) * x_ig)
+                source, image, xV_g = ghost_source[g], ghost_image[g], place[j]
+                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, source)
+                u_g = velocity_beyond(images, image, x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s))
+                xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, source)
+                S_s = wp.mat33(xx, xy, xz, yx, yy, yz, zx, zy, zz)
+                S_g = stress_beyond(images, image, S_s, parameters.dimensions)
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+                by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * (u_vec - u_g))
+                k += stride
+        inverse_rho_i = V_i / parameters.mass[fluid[i]]
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress
 
     return stress_acceleration
@@ -334,8 +411,8 @@ def stress_acceleration_kernel(smoothing: str, with_images: bool = False) -> wp.
 
 # dt <= C rho h^2 / mu. integrators.py predicts the velocity at half steps from the last two, u + dt/2 F: for viscosity
 # that is Adams-Bashforth of second order, which takes lambda dt <= 1, lambda being the fastest rate at which a velocity
-# decays. Heun's scheme and the midpoint rule take 2, so twice this step. The stress form does not see the fastest.
-VISCOUS_COURANT: Mapping[str, float] = {"morris": 0.125, "cleary": 0.045, "stress": 0.4}
+# decays. Heun's scheme and the midpoint rule take 2, so twice this step.
+VISCOUS_COURANT: Mapping[str, float] = {"morris": 0.125, "cleary": 0.045, "stress": 0.125}
 
 # ----------------------------------------------------------------------------------------------- the stages of a step
 

@@ -310,6 +310,55 @@ def test_an_anchor_is_its_value(load):
             "x: 1.5, y: 0",
             "tank.yaml:13: gauges[0].y: means nothing in a 2-D scene; it goes with 'dimensions: 3'",
         ),
+        # viscosity
+        (
+            "50.0}",
+            "50.0, dynamic_viscosity: -1}",
+            "tank.yaml:4: materials.water.dynamic_viscosity: must be at least 0, not -1",
+        ),
+        (
+            "50.0}",
+            "50.0, rheology: {law: bingham, consistency: 1, yield_stress: 5}}",
+            "tank.yaml:4: materials.water.rheology.viscosity_max: this field is missing: without it the "
+            "viscosity of bingham has no limit at rest",
+        ),
+        (
+            "50.0}",
+            "50.0, rheology: {law: bingham, consistency: 1, viscosity_max: 5}}",
+            "tank.yaml:4: materials.water.rheology.yield_stress: this field is missing: bingham needs it",
+        ),
+        (
+            "50.0}",
+            "50.0, rheology: {law: bingham, consistency: 1, yield_stress: 5, viscosity_max: 0.5}}",
+            "tank.yaml:4: materials.water.rheology.viscosity_max: must be at least the consistency, 1 Pa s",
+        ),
+        (
+            "50.0}",
+            "50.0, rheology: {law: bingham, consistency: 1, yield_stress: 5, viscosity_max: 9, exponent: 2}}",
+            "tank.yaml:4: materials.water.rheology.exponent: goes with power_law and herschel_bulkley, "
+            "not with bingham",
+        ),
+        (
+            "50.0}",
+            "50.0, rheology: {law: power_law, consistency: 1, exponent: 2}}",
+            "tank.yaml:4: materials.water.rheology.viscosity_max: this field is missing: without it the "
+            "viscosity of power_law has no limit in fast flow",
+        ),
+        (
+            "50.0}",
+            "50.0, rheology: {law: newtonian, consistency: 1, regularisation: cross}}",
+            "tank.yaml:4: materials.water.rheology.regularisation: goes with a yield stress, which newtonian has not",
+        ),
+        (
+            "50.0}",
+            "50.0, dynamic_viscosity: 1, rheology: {law: newtonian, consistency: 1}}",
+            "tank.yaml:4: materials.water.dynamic_viscosity: the rheology has the viscosity; leave one of the two out",
+        ),
+        (
+            "title: A tank",
+            "title: A tank\nlaminar: {stages: 2}",
+            "tank.yaml:2: laminar.stages: two stages take no longer a step than one; 1, or 3 and more",
+        ),
         # YAML
         ("[3.0, 2.0]]", "[3.0, 2.0]", "tank.yaml:8: not YAML: expected ',' or ']', but got '<scalar>'"),
         ("title: A tank", "title: !tag A tank", "tank.yaml:1: title: the tag !tag means nothing here"),
@@ -324,6 +373,17 @@ def test_an_anchor_is_its_value(load):
 def test_a_mistake_is_one_clear_line(load, old, new, words):
     assert old in TANK
     assert message(load, TANK.replace(old, new, 1)) == words
+
+
+def test_one_regularisation_for_all(load):
+    mud = (
+        "density: 1000.0, sound_speed: 50.0, rheology: {law: bingham, consistency: 1, yield_stress: 1, viscosity_max: 9"
+    )
+    text = TANK.replace("materials:", f"materials:\n  mud: {{{mud}, regularisation: cross}}}}\n  clay: {{{mud}}}}}")
+    words = (
+        "materials.clay.rheology.regularisation: one for all materials of a scene is needed, and another one has cross"
+    )
+    assert message(load, text) == f"tank.yaml:5: {words}"
 
 
 BOX = """\

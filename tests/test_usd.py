@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,22 @@ print(json.dumps({
     "wall": [wall.GetPurposeAttr().Get(), len(wall.GetFaceVertexCountsAttr().Get())],
 }))
 """
+
+
+def test_rheology_has_two_primvars_more(tmp_path):
+    blob = spinning_blob(0)
+    mu = np.linspace(1.0, 1000.0, len(blob.id)).astype(np.float32)
+    blob = replace(blob, apparent_viscosity=mu, yielded=(mu < 500.0).astype(np.int32))
+    cache = open_cache(tmp_path / "usd", rheology=True)
+    cache.write(blob)
+    assert check_cache(cache.folder) == []
+    stage = Usd.Stage.Open(str(cache.root))
+    slide = stage.GetPrimAtPath("/World/Fluid/slide")
+    np.testing.assert_array_equal(slide.GetAttribute("primvars:apparent_viscosity").Get(0), mu[blob.fluid == 0])
+    np.testing.assert_array_equal(slide.GetAttribute("primvars:yielded").Get(0), blob.yielded[blob.fluid == 0])
+    del stage
+    change_frame(cache.folder, 0, "primvars:yielded", lambda values: values[1:])
+    assert any("146 primvars:yielded" in problem for problem in check_cache(cache.folder))
 
 
 def test_walls_in_space_keep_their_faces(tmp_path):

@@ -74,6 +74,7 @@ def bytes_per_particle(simulation: Simulation) -> float:
         if id(owner) not in seen and type(owner).__module__.startswith("warpsph.") and hasattr(owner, "__dict__"):
             seen.add(id(owner))
             parts = list(vars(owner).values())
+            parts += [part for several in parts if isinstance(several, tuple) for part in several]
             owners += parts
             for array in parts:
                 if isinstance(array, wp.array) and array.deleter:

@@ -73,6 +73,7 @@ class Outputs:
                     **({"periods": {name: Gf.Vec3d(*by) for name, by in crossings.items()}} if crossings else {}),
                 },
                 resume_at=resume_at,
+                rheology=bool(simulation.model.viscous and simulation.model.viscous.law),
             )
 
     def write_frame(self) -> None:

@@ -218,7 +218,7 @@ class Laminar(Part):
         "stress, the divergence of the stress from velocity gradients.",
     )
     mean: Literal["arithmetic", "harmonic"] = Field(
-        "harmonic", description="Viscosity between two particles of a pair [-], for morris and cleary."
+        "harmonic", description="Viscosity between the two particles of a pair [-]."
     )
     stages: Annotated[int, Field(strict=True, ge=1, le=MOST_STAGES)] | None = Field(
         None,

@@ -44,6 +44,11 @@ CLIPPED_PRIMVARS = {
     "density": (Sdf.ValueTypeNames.FloatArray, "Density [kg/m3]."),
     "id": (Sdf.ValueTypeNames.IntArray, "ids, in the type that renderers read as a primvar."),
 }
+# Only of fluids with a rheology.
+RHEOLOGY_PRIMVARS = {
+    "apparent_viscosity": (Sdf.ValueTypeNames.FloatArray, "Apparent viscosity [Pa s]."),
+    "yielded": (Sdf.ValueTypeNames.IntArray, "1 where the fluid flows, 0 where it is a plug."),
+}
 
 
 @dataclass(frozen=True)
@@ -161,6 +166,7 @@ class UsdCache:
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
         provenance: What made the run, kept in the root file; nested mappings and plain values.
         resume_at: Continue a cache: keep its frames before this one, drop the others.
+        rheology: Whether snapshots hold the apparent viscosity and what has yielded.
 
     Raises:
         FileExistsError: The folder holds a cache, and `resume_at` is not given.
@@ -179,6 +185,7 @@ class UsdCache:
         frames_per_second: float,
         provenance: Mapping[str, Any] | None = None,
         resume_at: int | None = None,
+        rheology: bool = False,
     ) -> None:
         self.folder = Path(folder)
         self.root = self.folder / "scene.usda"
@@ -188,6 +195,7 @@ class UsdCache:
         self._spacing = spacing
         self._frames_per_second = frames_per_second
         self._provenance = dict(provenance or {})
+        self._primvars = CLIPPED_PRIMVARS | (RHEOLOGY_PRIMVARS if rheology else {})
 
         frames = self.folder / "frames"
         if resume_at is not None:
@@ -252,6 +260,12 @@ class UsdCache:
         ids = np.ascontiguousarray(snapshot.id[members], dtype=np.int64)
         radius = np.float32(0.5 * self._spacing)
         extent = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
+        of_rheology = {}
+        if snapshot.apparent_viscosity is not None:
+            of_rheology = {
+                "primvars:apparent_viscosity": Vt.FloatArray.FromNumpy(snapshot.apparent_viscosity[members]),
+                "primvars:yielded": Vt.IntArray.FromNumpy(snapshot.yielded[members]),
+            }
         return {
             "points": Vt.Vec3fArray.FromNumpy(points),
             "velocities": Vt.Vec3fArray.FromNumpy(velocities),
@@ -261,6 +275,7 @@ class UsdCache:
             "primvars:pressure": Vt.FloatArray.FromNumpy(snapshot.pressure[members].astype(np.float32)),
             "primvars:density": Vt.FloatArray.FromNumpy(snapshot.density[members].astype(np.float32)),
             "primvars:id": Vt.IntArray.FromNumpy(ids.astype(np.int32)),
+            **of_rheology,
         }
 
     def _new_stage(self) -> Usd.Stage:
@@ -282,7 +297,7 @@ class UsdCache:
             prim.SetDisplayName(name)
             for attribute, (value_type, text) in CLIPPED_ATTRIBUTES.items():
                 prim.CreateAttribute(attribute, value_type, custom=False).SetDocumentation(text)
-            for primvar, (value_type, text) in CLIPPED_PRIMVARS.items():
+            for primvar, (value_type, text) in self._primvars.items():
                 created = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(primvar, value_type, UsdGeom.Tokens.vertex)
                 created.GetAttr().SetDocumentation(text)
         return stage

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdValidation
 
-from warpsph.usd import CLIP_SET, CLIPPED_ATTRIBUTES, CLIPPED_PRIMVARS, FLUID_SCOPE
+from warpsph.usd import CLIP_SET, CLIPPED_ATTRIBUTES, CLIPPED_PRIMVARS, FLUID_SCOPE, RHEOLOGY_PRIMVARS
 
 Arrays = dict[str, np.ndarray]
 
@@ -111,7 +111,8 @@ def _read_frame(prim: Usd.Prim, frame: int) -> tuple[Arrays, list[str]]:
     """The clipped arrays of one fluid by name, and what could not be read."""
     arrays: Arrays = {}
     problems: list[str] = []
-    for name in [*CLIPPED_ATTRIBUTES, *(f"primvars:{primvar}" for primvar in CLIPPED_PRIMVARS)]:
+    of_rheology = [primvar for primvar in RHEOLOGY_PRIMVARS if prim.HasAttribute(f"primvars:{primvar}")]
+    for name in [*CLIPPED_ATTRIBUTES, *(f"primvars:{primvar}" for primvar in [*CLIPPED_PRIMVARS, *of_rheology])]:
         attribute = prim.GetAttribute(name)
         try:
             value = attribute.Get(frame) if attribute else None

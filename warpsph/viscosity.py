@@ -42,7 +42,8 @@ class Viscosity:
         self.rate = (zeros(wp.vec3), zeros(wp.vec3, by_stages))
         self.mean_rate = (zeros(wp.vec3, by_stages), zeros(wp.vec3, by_stages))
         self.velocity_gradient = zeros(wp.mat33, bool(model.viscous.law) or by_stress)
-        self.stress = zeros(wp.mat33, by_stress)
+        rows = 1 if model.formulas.dimensions == 2 else 3
+        self.stress = wp.zeros(rows * count if by_stress else 1, dtype=wp.vec4, device=device)
         self._images = model.images or Images()
         self._no_ghosts = wp.zeros(1, dtype=int, device=device)
 
@@ -70,7 +71,7 @@ class Viscosity:
         law = apparent_viscosity_kernel(m.viscous.law, m.viscous.regularisation)
         numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
         return [
-            self._gradient(s.velocity_pressure, renormalise=True),
+            self._gradient(s.velocity_pressure),
             self._record(law, *numbers, self.viscosity, s.yielded),
         ]
 
@@ -116,25 +117,26 @@ class Viscosity:
         """L of a velocity; what comes before the last launch must be over when that begins."""
         m, s = self.model, self.state
         if m.viscous.form == "stress":
-            stress = [self.velocity_gradient, self.viscosity, m.parameters.dimensions, self.stress]
+            kernel = laminar.stress_acceleration_kernel(
+                m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
+            )
+            transposed = laminar.transposed_stress_kernel(m.formulas.dimensions)
+            gradient = [self.velocity_gradient, self.viscosity, m.parameters.dimensions]
+            stress = m.launcher.packed(self.stress)
             return [
-                self._gradient(velocity_viscosity, renormalise=False),
-                self._record(laminar.viscous_stress, *stress),
-                self._record(
-                    laminar.stress_acceleration_kernel(m.formulas.smoothing, m.images is not None),
-                    *(m.parameters, self._images, m.particle_count, s.position_volume, s.fluid, *self._lists()),
-                    *(self.viscosity, self.velocity_gradient, self.stress, rate),
-                ),
+                self._gradient(velocity_viscosity),
+                self._record(transposed, *gradient, self.stress),
+                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), stress, rate),
             ]
         kernel = laminar.laminar_acceleration_kernel(
             m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
         )
         return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), rate)]
 
-    def _gradient(self, packed_velocity: wp.array, renormalise: bool) -> Launch:
+    def _gradient(self, packed_velocity: wp.array) -> Launch:
         m = self.model
         kernel = laminar.velocity_gradient_kernel(
-            m.formulas.smoothing, renormalise, m.formulas.dimensions, m.layout, m.images is not None
+            m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
         )
         return self._record(kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient)
 

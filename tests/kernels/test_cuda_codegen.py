@@ -23,6 +23,7 @@ from warpsph.kernels.laminar import (
     MEAN,
     laminar_acceleration_kernel,
     stress_acceleration_kernel,
+    transposed_stress_kernel,
     velocity_gradient_kernel,
 )
 from warpsph.kernels.loads import reaction_kernel
@@ -58,9 +59,19 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
     density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),
     renormalisation_kernel: [(name,) for name in SMOOTHING],
-    velocity_gradient_kernel: list(product(SMOOTHING, (True, False))),
-    laminar_acceleration_kernel: list(product(SMOOTHING, LAMINAR, MEAN)),
-    stress_acceleration_kernel: [(name,) for name in SMOOTHING],
+    velocity_gradient_kernel: [
+        *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
+        *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+    ],
+    laminar_acceleration_kernel: [
+        *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, LAMINAR, MEAN)),
+        *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(LAMINAR, MEAN, (2, 3))),
+    ],
+    stress_acceleration_kernel: [
+        *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
+        *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+    ],
+    transposed_stress_kernel: [(2,), (3,)],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
 }
