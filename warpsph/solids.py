@@ -215,7 +215,7 @@ def _stood_back(outline: Outline, distance: float) -> Outline:
 
 
 def _with_spines(surface: Surface, outline: Outline, distance: float, spacing: float) -> Surface:
-    """`surface` with a row of points into each corner of `outline` (counter-clockwise) that is sharper than a right one.
+    """`surface` with a row of points into each corner of the counter-clockwise `outline` below 90 degrees.
 
     There the points that stand `distance` [m] inside of both faces leave a tip of distance / sin(angle / 2) without
     any, which particles could enter: the row goes on along the middle until `distance` from the corner.

@@ -32,7 +32,7 @@ def measure_wedge_entry(run: Run) -> list[Result]:
     time = record["time [s]"] - (float(apex[1]) - fill.fill.level) / wedge["speed"]
     width = max(1, round(0.05 * full * scene.output.samples_per_second))
     force = np.convolve(record["force z [N/m]"], np.ones(width) / width, mode="same")
-    peak = float(force.max())
+    peak, when = float(force.max()), float(time[force.argmax()]) / full
     early = (time > 0.25 * full) & (time < 0.85 * full)
     growth = float(np.polyfit(time[early], force[early], 1)[0])
     theory = float(logvinovich_force(full, **wedge, density=rest))
@@ -40,9 +40,7 @@ def measure_wedge_entry(run: Run) -> list[Result]:
     return [
         against("peak force", "N/m", peak, theory, 0.10, f"{KOROBKIN}, at the chine"),
         against("growth of the force", "N/m/s", growth, theory / full, 0.10, KOROBKIN),
-        Result(
-            "time of the peak over that of the theory", "", float(time[force.argmax()] / full), 1.0, source=KOROBKIN
-        ),
+        Result("time of the peak over that of the theory", "", when, 1.0, source=KOROBKIN),
         Result(
             "growth of the force over that of small angles",
             "",
