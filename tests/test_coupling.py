@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from warpsph.bodies import rotation
 from warpsph.checkpoint import read_checkpoint, write_checkpoint
+from warpsph.cli import SCENES
 from warpsph.simulation import Simulation
 
 # Single precision, summed over hundreds of steps: relative to the impulse that is exchanged.
@@ -208,3 +210,67 @@ def test_energy_of_bodies(make_scene):
     assert inertia == pytest.approx(0.5 * stone.mass.mass * 0.07**2)
     assert kinetic == pytest.approx(0.5 * raft.mass.mass * 0.3**2 + 0.5 * inertia * 4.0**2)
     assert potential == pytest.approx(9.81 * (raft.mass.mass * raft.mass.centre[2] + stone.mass.mass * 0.44))
+
+
+AFLOAT = """
+title: A box where it floats
+dimensions: 2
+spacing: 0.015
+materials:
+  water: {density: 1000.0, sound_speed: 22.5, alpha: 0.05}
+xsph: 0.0
+walls:
+  - {name: tank, path: [[0.0, 0.5], [0.0, 0.0], [0.75, 0.0], [0.75, 0.5]]}
+fluids:
+  - {name: water, material: water, fill: {level: 0.3, above: tank}}
+bodies:
+  - {name: box, shape: {box: {min: [-0.15, -0.09], max: [0.15, 0.09]}}, at: [0.375, 0.3], density: 500.0, hold: true}
+warm_up: {duration: 3.0, damping: 20.0}
+run: {end_time: 0.05}
+"""
+
+
+def pulse(simulation: Simulation, until: float = 0.05) -> float:
+    """The largest change of pressure until then after the release, over that of the bed.
+
+    Of 99 % of the particles: grains of the lattice that slip past each other, one by one, are no pulse.
+    """
+    advance(simulation, 0.0)
+    before, worst = simulation.state.snapshot().pressure, 0.0
+    for time in np.arange(0.0025, until + 1e-9, 0.0025):
+        simulation.advance(time)
+        worst = max(worst, np.quantile(np.abs(simulation.state.snapshot().pressure - before), 0.99))
+    return float(worst / (1000.0 * 9.81 * 0.3))
+
+
+@pytest.mark.parametrize("hold", ["true", "false"], ids=["held where it floats", "finds where it floats"])
+def test_body_that_is_let_go_where_forces_balance_gives_no_kick(make_scene, hold):
+    """No pulse above 2 % of hydrostatic within 0.05 s of the release; one that is free to move finds the place."""
+    simulation = Simulation(make_scene(AFLOAT, f"bodies[0].hold={hold}"))
+    assert pulse(simulation) < 0.02
+    weight = 9.81 * simulation.bodies.set.bodies[0].mass.mass
+    assert simulation.bodies.rows()[0][7] == pytest.approx(weight, rel=0.02)
+
+
+def test_body_that_is_let_go_elsewhere_gives_a_kick(make_scene):
+    """As it should: the water has to make way for it."""
+    assert pulse(Simulation(make_scene(AFLOAT, "bodies[0].density=900.0"))) > 0.04
+
+
+def depth_below_ramp(simulation: Simulation) -> float:
+    """How far the lowest corner of the first body is below a ramp of 30 degrees and the bed, z = 0 [m]."""
+    (solid,), ((x, q),) = simulation.bodies.solids, simulation.bodies.places()
+    corners = solid.corners()[0] @ rotation(q).T + x
+    return float(np.max(np.maximum(-corners[:, 0] * np.tan(np.radians(30.0)), 0.0) - corners[:, 2]))
+
+
+def test_fastest_block_stays_on_its_ramp(make_scene):
+    """block_maciel.yaml in a shorter flume at 5 m/s, twice the highest speed of its series."""
+    text = (SCENES / "block_maciel.yaml").read_text()
+    fast = ["bodies[0].velocity=[4.330127, -2.5]", "materials.water.sound_speed=60.0", "warm_up.duration=0.02"]
+    shorter = ["walls[0].path[2]=[2.6, 0.0]", "walls[0].path[3]=[2.6, 0.6]", "spacing=0.02", "gauges=[]"]
+    simulation = Simulation(make_scene(text, *fast, *shorter))
+    for time in np.arange(0.0, 0.5, 0.01):
+        advance(simulation, time)
+        assert depth_below_ramp(simulation) < 1e-3, time
+    assert simulation.bodies.rows()[0][0] > 0.3  # it has passed the toe

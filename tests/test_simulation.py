@@ -2,6 +2,7 @@
 
 import re
 from itertools import product
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from warpsph.kernels.density import DENSITY_DIFFUSION
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.launch import DeviceError, Launcher
-from warpsph.simulation import BlowUpError, Simulation, forecast
+from warpsph.simulation import DEVELOPED, BlowUpError, Simulation, forecast
 
 # Relative; what is read back is in single precision.
 TOLERANCE = 1e-6
@@ -252,6 +253,11 @@ def test_forecast_is_what_comes(make_scene, device):
     assert expected.wall_count == len(simulation.placement.wall_position)
     assert expected.first_dt == pytest.approx(0.5 * 0.03 / 30.0)
     assert expected.steps == pytest.approx(1.1 / expected.first_dt, abs=1)
+    began = perf_counter()
+    simulation.step.aim_at(simulation.scene.run.end_time)
+    simulation.step.run(50)
+    # Within what another load of the machine in between can do.
+    assert expected.step_seconds == pytest.approx(DEVELOPED * (perf_counter() - began) / 50, rel=0.8)
     parts = (simulation.state, simulation.step.neighbours)
     arrays = [a for part in parts for a in vars(part).values() if isinstance(a, wp.array)]
     assert expected.memory == pytest.approx(sum(a.capacity for a in arrays), rel=0.3)

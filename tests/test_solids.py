@@ -145,6 +145,19 @@ def test_place_angle_mass_and_points(make_scene):
     np.testing.assert_allclose(crate.distance(crate.body.surface.points), 0.95 * 0.02, rtol=1e-9)
 
 
+def test_points_reach_into_a_sharp_corner(make_scene):
+    """Nothing of a tip of 30 degrees is farther from the points than what they stand back, but for its very end."""
+    tip = "shape: {polygon: [[0.3, 0.3], [0.65, 0.3], [0.3, 0.502073]]}"
+    (wedge, _) = place(make_scene(POND.replace("shape: {box: {min: [0.3, 0.3], max: [0.5, 0.5]}}", tip))).solids
+    points, back = wedge.body.surface.points, 0.95 * 0.02
+    assert wedge.contains(points).all()
+    assert len(points) == len(wedge.body.surface.before) == len(wedge.body.surface.after)
+    assert np.linalg.norm(points - [0.65, 0.0, 0.3], axis=1).min() == pytest.approx(back)
+    faces = wedge.samples[np.linalg.norm(wedge.samples - [0.65, 0.0, 0.3], axis=1) > back]
+    gaps = np.linalg.norm(faces[:, None] - points, axis=2).min(axis=1)
+    assert gaps.max() < 1.5 * back
+
+
 def test_body_may_lie_on_a_wall(make_scene):
     """A block that is drawn on its ramp to five digits is not in it."""
     ramp = POND.replace("[0.0, 1.0], [0.0, 0.0]", "[-1.0, 0.57735], [0.0, 0.0]")

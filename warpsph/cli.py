@@ -22,10 +22,6 @@ _PACKAGE = Path(__file__).parent
 # Beside the package in a wheel, beside its folder in a checkout.
 SCENES = next((p for p in (_PACKAGE / "scenes", _PACKAGE.parent / "scenes") if p.is_dir()), _PACKAGE / "scenes")
 
-# Whole steps, both pair loops included, on one core of a current processor; what `check` estimates time with.
-# Measured by `python -m warpsph scene scenes/landslide.yaml --threads 1`; in 3-D there are four times the neighbours.
-UPDATES_PER_SECOND_AND_THREAD = {2: 2.0e6, 3: 0.4e6}
-
 
 class _InputError(Exception):
     """A mistake on the command line; the text is one line."""
@@ -60,7 +56,11 @@ def _parser() -> argparse.ArgumentParser:
         return one
 
     scene = command("scene", _scene, "run a scene: records, pictures, a report and a USD cache go to a run folder")
-    check = command("check", _check, "print counts, memory, time step and time of a scene; nothing is run")
+    check = command(
+        "check",
+        _check,
+        "print counts, memory, time step and time of a scene; a few steps are timed, nothing is written",
+    )
     for one in (scene, check):
         one.add_argument("file", type=Path, help="scene file (YAML)")
         one.add_argument(
@@ -180,13 +180,18 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
     for name, impact in facts.get("impacts", {}).items():
         lines.append(
             f"  impact of {name:<5} {impact['speed [m/s]']:.3f} m/s at t = {impact['time [s]']:.3f} s, "
-            f"Froude number {impact['Froude number']:.3f}"
+            f"Froude number {impact['Froude number']:.3f}, {impact['kinetic energy [J/m]']:.1f} J/m"
         )
     for name, wave in facts.get("waves", {}).items():
-        lines.append(
-            f"  wave at {name:<7} solitary with R2 = {wave['likeness to a solitary wave, R2']:.3f}, "
-            f"{wave['energy / kinetic energy of the impact']:.1%} of the energy of the impact"
-        )
+        kinetic, potential = wave["kinetic energy [J/m]"], wave["potential energy [J/m]"]
+        crest, period = wave["crest amplitude [m]"], wave["period [s]"]
+        celerity = f", celerity {wave['celerity [m/s]']:.3f} m/s" if "celerity [m/s]" in wave else ""
+        lines += [
+            f"  wave at {name:<7} crest {crest:.4f} m, period {period:.2f} s{celerity}",
+            f"{'':<18}solitary with R2 = {wave['likeness to a solitary wave, R2']:.3f}",
+            f"{'':<18}kinetic {kinetic:.2f} and potential {potential:.2f} J/m, "
+            f"{wave['energy / kinetic energy of the impact']:.1%} of the energy of the impact",
+        ]
     lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
     return "\n".join(lines)
 
@@ -198,8 +203,7 @@ def _check(options: argparse.Namespace) -> int:
     scene = _load(options)
     launcher = Launcher(options.device, options.threads)
     facts = forecast(scene, launcher)
-    rate = UPDATES_PER_SECOND_AND_THREAD[scene.dimensions] * launcher.threads
-    seconds = facts.steps * facts.particle_count / rate
+    seconds = facts.steps * facts.step_seconds
     print(f"{scene.title}")
     for name, count in facts.counts.items():
         print(f"  {name:<15} {count:,} particles")
@@ -214,7 +218,8 @@ def _check(options: argparse.Namespace) -> int:
     if facts.viscous_stages:
         print(f"  viscous sweeps  {facts.viscous_stages} a step")
     print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
-    print(f"  time            about {_duration(seconds)} on {launcher.threads} thread(s), output not counted")
+    by = f"{launcher.threads} thread(s), by the first steps"
+    print(f"  time            about {_duration(seconds)} on {by}; output not counted")
     for warning in facts.warnings:
         print(f"  warning: {warning}")
     return OK

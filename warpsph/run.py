@@ -7,6 +7,7 @@ import platform
 import shutil
 import time
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -268,15 +269,16 @@ class Run:
                     "kinetic energy [J/m]": found.energy,
                 }
         total = sum(impact["kinetic energy [J/m]"] for impact in impacts.values())
-        before = None
+        density = scene.materials[fill.material].density
+        passed = []
         for gauge in scene.gauges if impacts else ():
             time, height = read_record(self.folder / "gauges" / f"{gauge.name}.csv").values()
-            density = scene.materials[fill.material].density
             wave = find_wave(time, height - height[0], **about, density=density) if len(time) else None
             if wave is None:
-                before = None
                 continue
+            passed.append((gauge.name, gauge.x, wave))
             waves[gauge.name] = {
+                "crest amplitude [m]": find_crest(time, height)[0],
                 "solitary amplitude [m]": wave.fit.amplitude,
                 "likeness to a solitary wave, R2": wave.fit.r2,
                 "period [s]": wave.period,
@@ -284,11 +286,11 @@ class Run:
                 "potential energy [J/m]": wave.potential,
                 "energy / kinetic energy of the impact": (wave.kinetic + wave.potential) / total,
             }
-            if before and wave.fit.crest > before[1].fit.crest:
-                waves[gauge.name]["celerity from the gauge before [m/s]"] = celerity(
-                    before[1], wave, gauge.x - before[0]
-                )
-            before = gauge.x, wave
+        # Of the crest from the gauge before; at the first, which has none before it, on to the next.
+        for (name, x, near), (next_name, next_x, far) in pairwise(passed):
+            if far.fit.crest > near.fit.crest:
+                waves[next_name]["celerity [m/s]"] = celerity(near, far, next_x - x)
+                waves[name].setdefault("celerity [m/s]", waves[next_name]["celerity [m/s]"])
         return {"impacts": impacts, "waves": waves} if impacts else {}
 
     def _crests(self) -> dict[str, dict[str, float]]:

@@ -1,6 +1,7 @@
 """A simulation in memory: model, state and step, with the phases of a scene and the watch over absurd particles."""
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,11 +127,19 @@ class Forecast:
     steps: int
     viscosities: dict[str, tuple[float, float]]  # of each material, its greatest own and the artificial one [m2/s]
     viscous_stages: int  # sweeps of a step for viscosity
+    step_seconds: float  # that a step is expected to take on this machine [s]
     warnings: tuple[str, ...]
 
 
+# Steps of a flow that has developed over those at the start: neighbours are scattered, and listed anew every 10 steps.
+# 1.15 in block_maciel.yaml, 1.2 to 1.3 in the dam break of tools/bench.py, 1.05 in floating_box.yaml.
+DEVELOPED = 1.15
+# How long steps are timed [s], and how many batches of five at most.
+TIMED_SECONDS, MOST_BATCHES = 0.5, 40
+
+
 def forecast(scene: Scene, launcher: Launcher) -> Forecast:
-    """Place the particles and list their neighbours, but take no step. Raises SceneError."""
+    """Place the particles, list their neighbours, and time a few steps, which nothing comes of. Raises SceneError."""
     placement = place(scene)
     model = Model(scene, placement, launcher)
     state = State(model)
@@ -154,5 +163,19 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),
         viscosities=kinematic_viscosities(scene),
         viscous_stages=model.viscous.stages if model.viscous else 0,
+        step_seconds=DEVELOPED * _time_steps(scene, launcher, placement),
         warnings=placement.warnings,
     )
+
+
+def _time_steps(scene: Scene, launcher: Launcher, placement: Placement) -> float:
+    """How long one of the first steps takes [s]."""
+    step = Simulation(scene, str(launcher.device), launcher.threads, placement).step
+    step.aim_at(scene.run.end_time)
+    step.run(2)  # in which kernels are compiled
+    batches, began = [], time.perf_counter()
+    while len(batches) < MOST_BATCHES and (not batches or time.perf_counter() - began < TIMED_SECONDS):
+        start = time.perf_counter()
+        step.run(5)
+        batches.append((time.perf_counter() - start) / 5)
+    return float(np.median(batches))

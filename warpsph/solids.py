@@ -155,6 +155,7 @@ def _solid(scene: Scene, path: str, body: fields.Body) -> Solid:
             centre = None if body.centre is None else _turned(np.array([body.centre]), angle)[0] + at
             mass = plane_mass(outline, **given, centre=centre, inertia=body.inertia)
             surface = surface_of_outline(_stood_back(outline, set_back), scene.wall_spacing)
+            surface = _with_spines(surface, outline, set_back, scene.wall_spacing)
             drawn, mesh, samples = Sheet(outline), None, in_space(outline.sample(scene.wall_spacing)[0])
         else:
             outline, drawn = None, None
@@ -211,6 +212,33 @@ def _stood_back(outline: Outline, distance: float) -> Outline:
                 f"the points that push the fluid stand {distance:.3g} m inside of it"
             )
     return back
+
+
+def _with_spines(surface: Surface, outline: Outline, distance: float, spacing: float) -> Surface:
+    """`surface` with a row of points into each corner of the counter-clockwise `outline` below 90 degrees.
+
+    There the points that stand `distance` [m] inside of both faces leave a tip of distance / sin(angle / 2) without
+    any, which particles could enter: the row goes on along the middle until `distance` from the corner.
+    """
+    for i, after in enumerate(outline.legs):
+        a, b = outline.legs[i - 1].normals(np.ones(1))[0], after.normals(np.zeros(1))[0]
+        turn = math.atan2(a[0] * b[1] - a[1] * b[0], a @ b)  # to the left
+        if turn < 0.5 * math.pi + 1e-6:
+            continue
+        middle = (a + b) / np.linalg.norm(a + b)
+        bare = distance / math.sin(0.5 * (math.pi - turn))
+        pieces = max(1, math.ceil((bare - distance) / spacing))
+        along = np.linspace(bare, distance, pieces + 1)
+        row = in_space(after.points(np.zeros(1)) + along[:, None] * middle)
+        to_next = np.concatenate([np.diff(row, axis=0), np.zeros((1, 3))])[1:]
+        surface = Surface(
+            np.concatenate([surface.points, row[1:]]),
+            np.concatenate([surface.normals, np.zeros((pieces, 3))]),  # fluid on both sides
+            np.concatenate([surface.shares, np.zeros(pieces)]),
+            np.concatenate([surface.before, -np.diff(row, axis=0)]),
+            np.concatenate([surface.after, to_next]),
+        )
+    return surface
 
 
 def _mesh(scene: Scene, shape: fields.Solid, angle: float, at: Array) -> Mesh:

@@ -22,6 +22,7 @@ from warpsph.validation.analytic import (
     herschel_bulkley_free_surface,
     huppert_depth,
     huppert_front,
+    logvinovich_force,
     periodic_shear,
     plug_thickness,
     poiseuille,
@@ -317,6 +318,23 @@ def test_wagner_force_is_the_rate_of_momentum():
     assert force == pytest.approx((momentum[1] - momentum[0]) / (2 * dt), rel=1e-6)
     assert force == pytest.approx(math.pi**3 / 4 * 1000.0 * 8.0 * t / math.tan(wedge["deadrise"]) ** 2)
     assert wagner_force(0.0, **wedge, density=1000.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("degrees", "coefficient", "bar"),
+    [(10.0, 213.980, 0.025), (15.0, 85.522, 0.015), (20.0, 42.485, 0.015), (25.0, 23.657, 0.04), (30.0, 14.139, 0.07)],
+)
+def test_logvinovich_is_near_the_similarity_solution(degrees, coefficient, bar):
+    """F / (rho V^3 t) of Zhao & Faltinsen (1993) table 1, and the integral of the pressure where it is above 0."""
+    wedge = {"speed": 3.0, "deadrise": math.radians(degrees)}
+    force = float(logvinovich_force(0.02, **wedge, density=1000.0))
+    assert force / (1000.0 * 27.0 * 0.02) == pytest.approx(coefficient, rel=bar)
+    assert force < wagner_force(0.02, **wedge, density=1000.0)
+    tan, cos, sin = (f(wedge["deadrise"]) for f in (math.tan, math.cos, math.sin))
+    f = np.linspace(0.0, 0.5 * math.pi, 200_001)[:-1]  # s = sin(f)
+    pressure = 4500.0 * (math.pi / tan / np.cos(f) - cos**2 / np.cos(f) ** 2 - sin**2)
+    there = np.clip(pressure, 0.0, None) * np.cos(f)
+    assert force == pytest.approx(2.0 * float(wagner_half_width(0.02, **wedge)) * np.trapezoid(there, f), rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Case studies run again and held against theory and experiment: `python -m warpsph validate`."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -8,10 +9,20 @@ from typing import Any
 
 from warpsph.run import DONE, Run
 from warpsph.scene import load_scene
-from warpsph.validation.bodies import measure_block, measure_floating_box, measure_sinking_disc
+from warpsph.validation.blocks import (
+    measure_block_maciel,
+    measure_block_mki,
+    measure_maciel_series,
+    measure_mki_series,
+)
+from warpsph.validation.bodies import measure_floating_box, measure_sinking_disc
 from warpsph.validation.landslide import measure_landslide
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
+from warpsph.validation.wedge_entry import measure_wedge_entry
+
+# A series leaves out what nobody looks at.
+_BARE = ("output.pictures=false", "output.usd=false")
 
 
 @dataclass(frozen=True)
@@ -22,7 +33,26 @@ class Case:
     measure: Callable[[Run], list[Result]]
 
 
-CASES: Mapping[str, Case] = {
+@dataclass(frozen=True)
+class Series:
+    """A scene that ships at several settings (overrides of its fields), and what is measured on the finished runs.
+
+    Pictures and the point cache are left out. What is drawn of the series goes to its folder, beside the runs.
+    """
+
+    title: str
+    scene: str
+    settings: tuple[tuple[str, ...], ...]
+    measure: Callable[[Sequence[Run], Path], list[Result]]
+
+
+def _releases(speeds: Sequence[float], slope: float) -> tuple[tuple[str, ...], ...]:
+    """Settings by which the first body starts down a ramp of `slope` [degrees] with each of `speeds` [m/s]."""
+    along, down = math.cos(math.radians(slope)), -math.sin(math.radians(slope))
+    return tuple((f"bodies[0].velocity=[{speed * along:.6f}, {speed * down:.6f}]",) for speed in speeds)
+
+
+CASES: Mapping[str, Case | Series] = {
     "still_water": Case("a tank at rest between radial walls", measure_still_water),
     "still_water_3d": Case("the same in a box, in 3-D", measure_still_water),
     "landslide": Case("fragmented slide into 0.15 m of water (calibrated here)", measure_landslide),
@@ -30,19 +60,42 @@ CASES: Mapping[str, Case] = {
     "landslide_0200": Case("the same slide into 0.20 m of water (predicted)", measure_landslide),
     "sinking_disc": Case("a disc sinks: momentum of fluid and body", measure_sinking_disc),
     "floating_box": Case("a box floats: Archimedes, and the heave", measure_floating_box),
-    "block_maciel": Case("a block slides into 0.20 m of water", measure_block),
+    "wedge_entry": Case("a wedge enters calm water at a constant speed", measure_wedge_entry),
+    "block_maciel": Case("a block slides into 0.20 m of water", measure_block_maciel),
+    "block_mki": Case("a block slides down 10 degrees into 0.21 m of water", measure_block_mki),
+    "block_maciel_series": Series(
+        "the first block at five speeds: amplitude against Froude number",
+        "block_maciel",
+        _releases((0.5, 1.0, 1.5, 2.0, 2.5), 30.0),
+        measure_maciel_series,
+    ),
+    "block_mki_series": Series(
+        "the second block at five speeds: reflected amplitude against Froude number",
+        "block_mki",
+        _releases((0.9, 1.2, 1.5, 1.8, 2.1), 10.0),
+        measure_mki_series,
+    ),
 }
 
 
 def run_case(name: str, scenes: Path, out: Path, *, device: str, threads: int | None) -> list[Result]:
-    """Run the scene of a case into `out`/NAME, replacing what is there, and measure it."""
+    """Run the scene of a case into `out`/NAME, or those of a series into `out`/NAME/1 and on, and measure them."""
     began = time.perf_counter()
-    run = Run(load_scene(scenes / f"{name}.yaml"), out / name, device=device, threads=threads, overwrite=True)
-    facts = run.execute()
-    if facts["outcome"] == DONE:
-        results = CASES[name].measure(run)
+    case = CASES[name]
+    if isinstance(case, Case):
+        folders, scene, settings = [out / name], name, [()]
     else:
-        results = [Result("the run comes to its end", "", run.simulation.time, run.scene.run.end_time, passed=False)]
+        folders = [out / name / str(i) for i, _ in enumerate(case.settings, 1)]
+        scene, settings = case.scene, [(*setting, *_BARE) for setting in case.settings]
+    runs = []
+    for folder, overrides in zip(folders, settings, strict=True):
+        loaded = load_scene(scenes / f"{scene}.yaml", overrides)
+        run = Run(loaded, folder, device=device, threads=threads, overwrite=True)
+        if run.execute()["outcome"] != DONE:
+            ended = Result("the run comes to its end", "", run.simulation.time, loaded.run.end_time, passed=False)
+            return [replace(ended, case=name, seconds=round(time.perf_counter() - began, 1))]
+        runs.append(run)
+    results = case.measure(runs[0]) if isinstance(case, Case) else case.measure(runs, out / name)
     seconds = time.perf_counter() - began
     return [replace(result, case=name, seconds=round(seconds, 1)) for result in results]
 

@@ -1,18 +1,15 @@
-"""Rigid bodies in water: momentum, Archimedes and the heave, and the wave of a block (Vasco 2014, 7.2.5.2)."""
+"""Rigid bodies in water: momentum, Archimedes and the heave."""
 
 import math
 
 import numpy as np
 
 from warpsph.geometry import behind_walls
-from warpsph.impact import celerity, find_impact, find_wave
-from warpsph.records import find_crest, read_record
+from warpsph.records import read_record
 from warpsph.run import Run
 from warpsph.simulation import Simulation
-from warpsph.validation.analytic import floating_draft, heave_added_mass, solitary_celerity
+from warpsph.validation.analytic import floating_draft, heave_added_mass
 from warpsph.validation.result import Result, against, at_most
-
-MACIEL = "Maciel & Nascimento (2002) in Vasco (2014) 7.2.5.2"
 
 
 def measure_sinking_disc(run: Run) -> list[Result]:
@@ -84,59 +81,4 @@ def measure_floating_box(run: Run) -> list[Result]:
         against("period of the heave", "s", 2.0 * (second - first), period, 0.05, "added mass at high frequency"),
         at_most("tilt at the end", "deg", tilt, 1.0, "stable: metacentre above the centre"),
         at_most("particles in the box", "", int(run.simulation.bodies.holds(position).sum()), 0, "no leak"),
-    ]
-
-
-def measure_block(run: Run) -> list[Result]:
-    """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m."""
-    scene, simulation = run.scene, run.simulation
-    fill = next(fluid for fluid in scene.fluids if fluid.fill)
-    depth, density = fill.fill.level, scene.materials[fill.material].density
-    body, about = simulation.bodies.set.bodies[0], {"depth": depth, "gravity": scene.gravity}
-    record = read_record(run.folder / "bodies" / f"{body.name}.csv")
-    mass = {"mass": body.mass.mass, "inertia": float(body.mass.inertia[1, 1])}
-    impact = find_impact(record, level=depth, **about, **mass)
-    near, far = scene.gauges[-2:]
-    records = [tuple(read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()) for gauge in (near, far)]
-    waves = [find_wave(time, level - level[0], **about, density=density) for time, level in records]
-    amplitude = find_crest(*records[1])[0]
-    c = celerity(*waves, far.x - near.x)
-    expected = solitary_celerity(
-        depth=depth, amplitude=0.5 * sum(w.fit.amplitude for w in waves), gravity=scene.gravity
-    )
-    share = (waves[1].kinetic + waves[1].potential) / impact.energy
-    position = simulation.state.snapshot().position
-    legs = simulation.placement.wall_position[:, [0, 2]]
-    centre = simulation.bodies.set.position.numpy()[1]
-    gap = float(np.linalg.norm(legs - centre[[0, 2]], axis=1).min())
-    return [
-        Result("Froude number of the impact", "", impact.froude, None, source="computed"),
-        Result(
-            f"crest amplitude at {far.name}",
-            "m",
-            amplitude,
-            None,
-            passed=0.03 <= amplitude <= 0.05,
-            source=f"between 0.03 and 0.05 m: {MACIEL}",
-        ),
-        against("celerity of the crest", "m/s", c, expected, 0.03, "sqrt(g (d + a))"),
-        Result(
-            f"likeness to a solitary wave at {far.name}, R2",
-            "",
-            waves[1].fit.r2,
-            None,
-            bar=0.98,
-            passed=waves[1].fit.r2 > 0.98,
-            source="Boussinesq (1872)",
-        ),
-        Result(
-            "energy of the wave over that of the block",
-            "",
-            share,
-            None,
-            passed=0.01 <= share <= 0.14,
-            source="between 1 and 14 %: Nascimento (2001)",
-        ),
-        at_most("particles in the block", "", int(simulation.bodies.holds(position).sum()), 0, "no leak"),
-        Result("block from the wall", "m", gap, None, passed=gap < 0.2, source="it stays in the flume"),
     ]

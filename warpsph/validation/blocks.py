@@ -1,0 +1,175 @@
+"""Blocks that slide into water and the waves that they make (Vasco 2014, 7.2.5.1 and 7.2.5.2), one and in series."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from warpsph.impact import Impact, Wave, celerity, find_impact, find_wave
+from warpsph.preview import LINE_PALETTE, new_plots
+from warpsph.records import find_crest, read_record
+from warpsph.run import Run
+from warpsph.validation.analytic import solitary_celerity
+from warpsph.validation.result import Result, against, at_most
+
+MACIEL = "Maciel & Nascimento (2002) in Vasco (2014) 7.2.5.2"
+MKI = "Monaghan, Kos & Issa (2003) in Vasco (2014) 7.2.5.1"
+NASCIMENTO = "between 1 and 14 %: Nascimento (2001)"
+
+
+@dataclass(frozen=True)
+class Slide:
+    """What came of one block.
+
+    Attributes:
+        impact: On the water.
+        waves: As they passed the last two gauges.
+        amplitude: Of the crest at the last gauge [m].
+        reflected: Amplitude of the highest crest that came back to it from the end of the flume [m]; nan if none did.
+        celerity, expected: Of the crest between the gauges, and of a solitary wave as high as that [m/s].
+        share: Energy of the wave at the last gauge over that of the impact.
+        inside: Particles in the block.
+        gap: From the centre of the block to the nearest point of a wall [m].
+    """
+
+    impact: Impact
+    waves: tuple[Wave, Wave]
+    amplitude: float
+    reflected: float
+    celerity: float
+    expected: float
+    share: float
+    inside: int
+    gap: float
+
+
+def slide_of(run: Run) -> Slide:
+    """From the records of a finished run, and its last state."""
+    scene, simulation = run.scene, run.simulation
+    fill = next(fluid for fluid in scene.fluids if fluid.fill)
+    depth, density = fill.fill.level, scene.materials[fill.material].density
+    body, about = simulation.bodies.set.bodies[0], {"depth": depth, "gravity": scene.gravity}
+    record = read_record(run.folder / "bodies" / f"{body.name}.csv")
+    mass = {"mass": body.mass.mass, "inertia": float(body.mass.inertia[1, 1])}
+    impact = find_impact(record, level=depth, **about, **mass)
+    near, far = scene.gauges[-2:]
+    records = [tuple(read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()) for gauge in (near, far)]
+    first, last = (find_wave(time, level - level[0], **about, density=density) for time, level in records)
+    c = solitary_celerity(
+        depth=depth, amplitude=0.5 * (first.fit.amplitude + last.fit.amplitude), gravity=scene.gravity
+    )
+    walls = simulation.placement.wall_position
+    centre = simulation.bodies.set.position.numpy()[1]
+    time, level = records[1]
+    # The crest comes back after twice the way to the end of the flume: look from half of that on.
+    back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
+    reflected = find_crest(time[back], np.append(level[0], level[back][1:]))[0] if back.sum() > 5 else np.nan
+    return Slide(
+        impact,
+        (first, last),
+        find_crest(time, level)[0],
+        reflected,
+        celerity(first, last, far.x - near.x),
+        c,
+        (last.kinetic + last.potential) / impact.energy,
+        int(simulation.bodies.holds(simulation.state.snapshot().position).sum()),
+        float(np.linalg.norm(walls - centre, axis=1).min()),
+    )
+
+
+def measure_block_maciel(run: Run) -> list[Result]:
+    """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m."""
+    slide, far = slide_of(run), run.scene.gauges[-1].name
+    amplitude, r2 = slide.amplitude, slide.waves[1].fit.r2
+    source = f"between 0.03 and 0.05 m: {MACIEL}"
+    return [
+        Result("Froude number of the impact", "", slide.impact.froude, None, source="computed"),
+        Result(f"crest amplitude at {far}", "m", amplitude, None, passed=0.03 <= amplitude <= 0.05, source=source),
+        against("celerity of the crest", "m/s", slide.celerity, slide.expected, 0.03, "sqrt(g (d + a))"),
+        Result(
+            f"likeness to a solitary wave at {far}, R2",
+            "",
+            r2,
+            None,
+            bar=0.98,
+            passed=r2 > 0.98,
+            source="Boussinesq (1872)",
+        ),
+        *_sound(slide),
+    ]
+
+
+def measure_block_mki(run: Run) -> list[Result]:
+    """Bars: energy of the wave 1 to 14 % of the block's; see the series for how the wave grows with the speed."""
+    slide, far = slide_of(run), run.scene.gauges[-1].name
+    return [
+        Result("Froude number of the impact", "", slide.impact.froude, None, source="computed"),
+        Result(f"crest amplitude at {far}", "m", slide.amplitude, None, source="computed"),
+        Result(f"amplitude at {far} of the reflected crest", "m", slide.reflected, None, source="computed"),
+        against("celerity of the crest", "m/s", slide.celerity, slide.expected, 0.03, "sqrt(g (d + a))"),
+        *_sound(slide),
+    ]
+
+
+def _sound(slide: Slide) -> list[Result]:
+    """What must hold for every block."""
+    within = 0.01 <= slide.share <= 0.14
+    return [
+        Result("energy of the wave over that of the block", "", slide.share, None, passed=within, source=NASCIMENTO),
+        at_most("particles in the block", "", slide.inside, 0, "no leak"),
+        Result("block from the wall", "m", slide.gap, None, passed=slide.gap < 0.2, source="it stays in the flume"),
+    ]
+
+
+def measure_maciel_series(runs: Sequence[Run], folder: Path) -> list[Result]:
+    """Bar: the crest at the last gauge grows with the Froude number."""
+    return _measure_series(runs, folder, "crest amplitude", lambda slide: slide.amplitude, MACIEL)
+
+
+def measure_mki_series(runs: Sequence[Run], folder: Path) -> list[Result]:
+    """Bar: the crest that comes back from the end of the flume grows with the Froude number."""
+    return _measure_series(runs, folder, "amplitude of the reflected crest", lambda slide: slide.reflected, MKI)
+
+
+def _measure_series(
+    runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[Slide], float], source: str
+) -> list[Result]:
+    """One line for each speed, and whether amplitudes grow with the Froude number; the curve goes to `folder`."""
+    slides = sorted((slide_of(run) for run in runs), key=lambda slide: slide.impact.froude)
+    froude, heights = [s.impact.froude for s in slides], [amplitude(s) for s in slides]
+    depth = next(fluid.fill.level for fluid in runs[0].scene.fluids if fluid.fill)
+    draw_series(froude, np.array(heights) / depth, f"{name} / depth", folder / "amplitude.png")
+    least = float(np.diff(heights).min())
+    results = [
+        Result(f"{name}, Froude number {fr:.2f}", "m", height, None, source="computed")
+        for fr, height in zip(froude, heights, strict=True)
+    ]
+    for slide in slides:
+        share, fr = slide.share, slide.impact.froude
+        quantity = f"energy of the wave over that of the block, Froude number {fr:.2f}"
+        results.append(Result(quantity, "", share, None, passed=0.01 <= share <= 0.14, source=NASCIMENTO))
+    return [
+        *results,
+        Result("least growth from one speed to the next", "m", least, None, passed=least > 0.0, source=source),
+        at_most("particles in a block", "", sum(slide.inside for slide in slides), 0, "no leak"),
+        Result(
+            "block from the wall, farthest",
+            "m",
+            max(s.gap for s in slides),
+            None,
+            passed=max(s.gap for s in slides) < 0.2,
+            source="it stays in the flume",
+        ),
+    ]
+
+
+def draw_series(froude: Sequence[float], amplitudes: Sequence[float], label: str, out: Path) -> None:
+    """Plot amplitudes over Froude numbers to the PNG `out`."""
+    figure, (axes,) = new_plots(1)
+    axes.plot(froude, amplitudes, "o-", color=LINE_PALETTE[0], linewidth=1.4)
+    axes.set(xlabel="Froude number of the impact", ylabel=label)
+    axes.set_ylim(bottom=0.0)
+    figure.savefig(out, format="png")
