@@ -48,6 +48,7 @@ SCHEMES = {
     "runge_kutta": ["run.integrator=runge_kutta"],
     "filter": [FILTERED],
     "filter, runge_kutta": [FILTERED, "run.integrator=runge_kutta"],
+    "renormalised": ["continuity=renormalised"],
 }
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]
@@ -90,7 +91,9 @@ def orders(scene_of, device: str, courant: list[float]) -> np.ndarray:
 
 @every_integrator
 @pytest.mark.parametrize(
-    "overrides", [[], ["density_diffusion={model: antuono, delta: 0.1}", "materials.water.alpha=0.1"]]
+    "overrides",
+    [[], ["density_diffusion={model: antuono, delta: 0.1}", "materials.water.alpha=0.1"]],
+    ids=["plain", "diffusion"],
 )
 def test_every_integrator_is_of_order_two(make_scene, device, integrator, overrides):
     """By a step that is halved three times; with diffusion from a sweep of its own too."""
@@ -116,8 +119,9 @@ def test_xsph_moves_particles_at_order_two(make_scene, device, integrator):
         ["tensile_correction=true"],
         ["density_diffusion={model: fourtakas, delta: 0.1}"],
         ["xsph=0.5"],
+        ["continuity=renormalised"],
     ],
-    ids=["tait", "linear", "viscosity", "tensile correction", "diffusion", "xsph"],
+    ids=["tait", "linear", "viscosity", "tensile correction", "diffusion", "xsph", "renormalised"],
 )
 def test_order_two(make_scene, device, overrides):
     """A drop that is stretched: halving the step quarters the error against a run with steps 8 times finer still.

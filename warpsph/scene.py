@@ -566,6 +566,11 @@ class Scene(Part):
     )
     viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
+    continuity: Literal["plain", "renormalised"] = Field(
+        "plain",
+        description="Divergence in the rate of density [-]: plain, the partner of the pressure force, or renormalised, "
+        "exact for linear velocities in disorder and at a surface, for which energy is kept less well.",
+    )
     density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")

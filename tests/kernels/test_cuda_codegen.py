@@ -46,6 +46,7 @@ FORMULAS = [
     *(Formulas(smoothing=name, xsph=True, tensile_correction=True) for name in SMOOTHING),
     *(Formulas(viscosity=name, mixture=False, dimensions=2) for name in VISCOSITY),
     *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
+    *(Formulas(renormalised=True, dimensions=dimensions) for dimensions in (2, 3)),
 ]
 # Each factory with all that it can be asked for.
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
