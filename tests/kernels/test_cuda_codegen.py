@@ -29,6 +29,7 @@ from warpsph.kernels.loads import reaction_kernel
 from warpsph.kernels.neighbours import gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
+from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
@@ -55,6 +56,8 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     pressure_gradient_kernel: [(name,) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
+    cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
+    shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
     density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),
