@@ -13,6 +13,8 @@ from .state_equation import internal_energy, pressure
 # second is 1 inside a fluid, 0.6 in its corner, and 0.01 where one eigenvalue is 400 times another.
 LEAST_MOMENT = wp.constant(1.0e-4)
 LEAST_SPAN = wp.constant(1.0e-2)
+# The same for what feeds back on the motion: a flat surface has 0.6 and 1, a corner 0.37 and 0.9, spray less.
+LEAST_BODY = wp.constant(0.3)
 
 
 @wp.func
@@ -244,6 +246,17 @@ def renormalisation(M: wp.mat33) -> wp.mat33:
     if wp.trace(B) == 0.0:
         return wp.identity(n=3, dtype=float)
     return B
+
+
+@wp.func
+def renormalisation_of_a_body(M: wp.mat33) -> wp.mat33:
+    """B, or the identity in spray, where dividing by the moments of a few neighbours would feed it energy."""
+    flat = M[1, 1] == 0.0
+    mean = wp.trace(M) / wp.where(flat, 2.0, 3.0)
+    filled = M / wp.max(mean, LEAST_BODY) + wp.diag(wp.vec3(0.0, wp.where(flat, 1.0, 0.0), 0.0))
+    if mean < LEAST_BODY or wp.determinant(filled) < LEAST_BODY:
+        return wp.identity(n=3, dtype=float)
+    return renormalisation(M)
 
 
 @cache

@@ -7,6 +7,7 @@ from typing import Any
 
 import warp as wp
 
+from .corrections import renormalisation_of_a_body
 from .density import BY_GRADIENT, DENSITY_DIFFUSION
 from .momentum import tensile
 from .parameters import Parameters
@@ -26,6 +27,7 @@ class Formulas:
     Attributes:
         smoothing, viscosity, diffusion: Names in SMOOTHING, VISCOSITY and DENSITY_DIFFUSION.
         tensile_correction, xsph: Whether these are in.
+        renormalised: Whether the divergence of continuity is made exact for linear velocities.
         mixture: Whether there are several fluids; for one its numbers are loaded once.
         dimensions: Of space; in a plane nothing is done about y.
     """
@@ -35,6 +37,7 @@ class Formulas:
     diffusion: str = "none"
     tensile_correction: bool = False
     xsph: bool = False
+    renormalised: bool = False
     mixture: bool = True
     dimensions: int = 3
 
@@ -137,6 +140,10 @@ def rates_kernel(
 
         d rho_i/dt = rho_i sum_j V_j u_ij . grad_i W_ij
 
+    or, no longer its partner but exact for linear velocities in disorder and at a surface, with B_i of eq 54,
+
+        d rho_i/dt = -rho_i tr(L_i B_i),  L_i = sum_j V_j (u_j - u_i) (x) grad_i W_ij
+
     Diffusion, between particles of the same fluid, smooths the pressure that eq 43 alone would leave rough (Antuono et
     al. 2010, in pressures: d rho = dp / c^2). The sum of V_i R_i over all pairs is zero:
 
@@ -154,6 +161,9 @@ def rates_kernel(
     load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
     its_fluid = fluid_of if formulas.mixture else same_fluid
     diffusive, by_gradient = momentum and formulas.diffusion != "none", formulas.diffusion in BY_GRADIENT
+    plain = continuity and not formulas.renormalised
+    renormalised = continuity and formulas.renormalised
+    renormalised_in_space = renormalised and formulas.dimensions == 3
     xsph, tensioned = continuity and formulas.xsph, momentum and formulas.tensile_correction
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
@@ -184,6 +194,9 @@ def rates_kernel(
         dissipative_x, dissipative_y, dissipative_z = float(0.0), float(0.0), float(0.0)
         smoothed_x, smoothed_y, smoothed_z = float(0.0), float(0.0), float(0.0)
         divergence, diffused = float(0.0), float(0.0)
+        # Moments of the neighbours, and what is wanted of the velocity gradient: B is symmetric.
+        M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
+        L_xx, L_yy, L_zz, L_xy, L_xz, L_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
         stride = parameters.column_stride if wp.static(by_column) else 1
         k = i * parameters.row_stride
         end = k + neighbour_count[i] * stride
@@ -219,8 +232,22 @@ def rates_kernel(
                     slope_ij = G_ij[0] * x + G_ij[1] * y + G_ij[2] * z
                 psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z), slope_ij)
                 diffused -= wp.where(fluid_i == fluid_j, s * psi_ij, 0.0)
-            if wp.static(continuity):
+            if wp.static(plain):
                 divergence += s * u_dot_x
+            if wp.static(renormalised):
+                M_xx -= s * x * x
+                M_zz -= s * z * z
+                M_xz -= s * x * z
+                L_xx -= s * u * x
+                L_zz -= s * w * z
+                L_xz -= s * (u * z + w * x)
+            if wp.static(renormalised_in_space):
+                M_yy -= s * y * y
+                M_xy -= s * x * y
+                M_yz -= s * y * z
+                L_yy -= s * v * y
+                L_xy -= s * (u * y + v * x)
+                L_yz -= s * (v * z + w * y)
             if wp.static(xsph):
                 weight = m_j_over_rhobar * shape(q)
                 smoothed_x -= weight * u
@@ -233,6 +260,10 @@ def rates_kernel(
             pressure_acceleration_out[i] = n / rho_i * wp.vec3(pressure_x, pressure_y, pressure_z)
             dissipative_acceleration_out[i] = n * wp.vec3(dissipative_x, dissipative_y, dissipative_z)
             diffusion_rate_out[i] = 2.0 * parameters.diffusion * parameters.smoothing_length / c_i * n * diffused
+        if wp.static(renormalised):
+            B = renormalisation_of_a_body(n * wp.mat33(M_xx, M_xy, M_xz, M_xy, M_yy, M_yz, M_xz, M_yz, M_zz))
+            divergence -= B[0, 0] * L_xx + B[1, 1] * L_yy + B[2, 2] * L_zz
+            divergence -= B[0, 1] * L_xy + B[0, 2] * L_xz + B[1, 2] * L_yz
         if wp.static(continuity):
             density_rate_out[i] = rho_i * n * divergence
         if wp.static(xsph):

@@ -48,6 +48,9 @@ SCHEMES = {
     "runge_kutta": ["run.integrator=runge_kutta"],
     "filter": [FILTERED],
     "filter, runge_kutta": [FILTERED, "run.integrator=runge_kutta"],
+    "renormalised": ["continuity=renormalised"],
+    "shifting": ["shifting.model=fickian", "xsph=0.0"],
+    "shifting on top of xsph, runge_kutta": ["shifting.model=fickian", "run.integrator=runge_kutta"],
 }
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]
@@ -90,7 +93,9 @@ def orders(scene_of, device: str, courant: list[float]) -> np.ndarray:
 
 @every_integrator
 @pytest.mark.parametrize(
-    "overrides", [[], ["density_diffusion={model: antuono, delta: 0.1}", "materials.water.alpha=0.1"]]
+    "overrides",
+    [[], ["density_diffusion={model: antuono, delta: 0.1}", "materials.water.alpha=0.1"]],
+    ids=["plain", "diffusion"],
 )
 def test_every_integrator_is_of_order_two(make_scene, device, integrator, overrides):
     """By a step that is halved three times; with diffusion from a sweep of its own too."""
@@ -116,8 +121,9 @@ def test_xsph_moves_particles_at_order_two(make_scene, device, integrator):
         ["tensile_correction=true"],
         ["density_diffusion={model: fourtakas, delta: 0.1}"],
         ["xsph=0.5"],
+        ["continuity=renormalised"],
     ],
-    ids=["tait", "linear", "viscosity", "tensile correction", "diffusion", "xsph"],
+    ids=["tait", "linear", "viscosity", "tensile correction", "diffusion", "xsph", "renormalised"],
 )
 def test_order_two(make_scene, device, overrides):
     """A drop that is stretched: halving the step quarters the error against a run with steps 8 times finer still.
@@ -211,6 +217,31 @@ def test_density_is_filtered_in_every_nth_step(make_collapse, device):
     steps = zip(step_by_step(off, 0.02), step_by_step(on, 0.02), strict=False)
     same = [off.state.density.numpy().tobytes() == on.state.density.numpy().tobytes() for _ in steps]
     assert same[:6] == [True] * 6 and not any(same[6:])
+
+
+# --------------------------------------------------------------------------------------------------------- shifting
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "runge_kutta"])
+def test_shifting_keeps_a_stretched_drop_in_order(make_scene, device, integrator):
+    """Columns of particles that drift apart are filled again; the drop as a whole goes as it did, and stays."""
+    found = []
+    for model in ("none", "fickian"):
+        overrides = ["materials.water.alpha=0.1", "density_diffusion.model=fourtakas", f"shifting.model={model}"]
+        scene = make_scene(DROP, "spacing=0.04", f"run.integrator={integrator}", "run.courant=0.25", *overrides)
+        placement = place(scene)
+        velocity = placement.position * [1.0, 0.0, -1.0]
+        simulation = Simulation(scene, device, placement=replace(placement, velocity=velocity))
+        simulation.advance(1.0)
+        drop = simulation.state.snapshot()
+        x = drop.position
+        inside = (x[:, 0] / np.ptp(x[:, 0])) ** 2 + (x[:, 2] / np.ptp(x[:, 2])) ** 2 < 0.3**2
+        apart = np.linalg.norm(x[:, None] - x, axis=2) + 1e9 * np.eye(len(x))
+        found.append((apart.min(axis=1)[inside].min() / 0.04, np.ptp(x, axis=0), drop.velocity.mean(axis=0)))
+    (closest, extent, _), (closest_shifted, extent_shifted, velocity) = found
+    assert closest < 0.6 and closest_shifted > 1.25 * closest
+    np.testing.assert_allclose(extent_shifted, extent, atol=0.04)
+    np.testing.assert_allclose(velocity, 0.0, atol=TOLERANCE * 1e-1)
 
 
 # ------------------------------------------------------------------------------------------------ neighbour lists

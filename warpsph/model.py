@@ -82,6 +82,7 @@ class Model:
             diffusion=scene.density_diffusion.model,
             tensile_correction=scene.tensile_correction,
             xsph=scene.xsph > 0.0,
+            renormalised=scene.continuity == "renormalised",
             mixture=len(scene.fluids) > 1,
             dimensions=scene.dimensions,
         )

@@ -457,6 +457,17 @@ class DensityFilter(Part):
     every: Annotated[int, Field(strict=True, gt=0)] = Field(20, description="Steps from one time to the next [-].")
 
 
+class Shifting(Part):
+    """A drift of particles to where there are fewer of them, which keeps them in order."""
+
+    model: Literal["none", "fickian"] = Field(
+        "none",
+        description="How particles drift beside their velocity [-]: none, or fickian, against the gradient of their "
+        "concentration at the pace of the shear rate, and along a free surface only.",
+    )
+    strength: Positive = Field(6.0, description="Coefficient of the drift, A [-].")
+
+
 class Shape(Part):
     """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
@@ -739,7 +750,13 @@ class Scene(Part):
     viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
     laminar: Laminar = Field(Laminar(), description="How forces come of the materials' own viscosities.")
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
+    continuity: Literal["plain", "renormalised"] = Field(
+        "plain",
+        description="Divergence in the rate of density [-]: plain, the partner of the pressure force, or renormalised, "
+        "exact for linear velocities in disorder and at a surface, for which energy is kept less well.",
+    )
     density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
+    shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
     walls: tuple[Wall, ...] = Field((), description="Walls.")

@@ -95,6 +95,8 @@ class State:
         self.yielded = zeros(int, count if has_rheology else 1)  # 0: a plug
         is_filtered = model.scene.density_filter.model != "none"
         self.filtered_density = zeros(wp.float64, count if is_filtered else 1)  # [kg/m3]
+        is_shifted = model.scene.shifting.model != "none"
+        self.cover = zeros(float, count if is_shifted else 1)  # least eigenvalue of the moments of neighbours
         averages = model.scene.run.integrator == "predictor_corrector"  # the rates at both ends of the step
         self.first_dissipative = zeros(wp.vec3, count if averages else 1)  # at its beginning [m/s2]
         self.first_wall = zeros(wp.vec3, count if averages else 1)

@@ -8,6 +8,7 @@ import warp as wp
 from warpsph.coupling import Coupling
 from warpsph.kernels import corrections, density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
+from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.launch import Launch
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
@@ -149,9 +150,10 @@ class Step:
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
             **self._move_ghosts(" at the end"),
-            # Continuity and XSPH; density to n+1; how far particles have moved, the extremes of each block.
+            **self._cover(),
+            # Continuity, XSPH and shifting; density to n+1; how far particles have moved, the extremes of each block.
             "pair loop: continuity, density, watch": launcher.chain(
-                self._sweep(momentum=False), finish_density, self._bound_motion(), self._watch()
+                *(self._sweep(momentum=False), *self._shifting(), finish_density, self._bound_motion(), self._watch())
             ),
             **self._end(),
         }
@@ -183,9 +185,10 @@ class Step:
 
         The velocity moves on from here by a `share` of the step.
         """
-        sweeps = [self._sweep(), *self._walls(), *self._prepare_viscosity()]
+        sweeps = [self._sweep(), *self._shifting(), *self._walls(), *self._prepare_viscosity()]
         stages = {
             **self._gradients(),
+            **self._cover(),
             "pair loop: rates, walls": self.model.launcher.chain(*sweeps),
             **self._viscosity(share),
         }
@@ -262,6 +265,27 @@ class Step:
         kernel = density.pressure_gradient_kernel(m.formulas.smoothing)
         packed = (s.position_volume, s.velocity_pressure, s.fluid)
         return {"pressure gradient": self._launch(kernel, *packed, n.count, n.list, s.pressure_gradient)}
+
+    def _cover(self) -> dict[str, Launch]:
+        """What shifting needs to know of surfaces."""
+        s, m, n = self.state, self.model, self.neighbours
+        if m.scene.shifting.model == "none":
+            return {}
+        packed = (m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure))
+        return {"cover": self._launch(cover_kernel(m.formulas, m.layout), *packed, n.count, n.list, s.cover)}
+
+    def _shifting(self) -> list[Launch]:
+        """The drift that keeps particles in order, where XSPH writes its own."""
+        s, m, n, chosen = self.state, self.model, self.neighbours, self.model.scene.shifting
+        if chosen.model == "none":
+            return []
+        packed = (m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid)
+        return [
+            self._launch(
+                *(shifting_kernel(m.formulas, m.layout), m.particle_count, chosen.strength),
+                *(*packed, n.count, n.list, s.cover, s.xsph_velocity),
+            )
+        ]
 
     def _walls(self) -> list[Launch]:
         s, m, n = self.state, self.model, self.neighbours

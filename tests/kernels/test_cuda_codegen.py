@@ -30,6 +30,7 @@ from warpsph.kernels.loads import reaction_kernel
 from warpsph.kernels.neighbours import gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
+from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
@@ -47,6 +48,7 @@ FORMULAS = [
     *(Formulas(smoothing=name, xsph=True, tensile_correction=True) for name in SMOOTHING),
     *(Formulas(viscosity=name, mixture=False, dimensions=2) for name in VISCOSITY),
     *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
+    *(Formulas(renormalised=True, dimensions=dimensions) for dimensions in (2, 3)),
 ]
 # Each factory with all that it can be asked for.
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
@@ -55,6 +57,8 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     pressure_gradient_kernel: [(name,) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
+    cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
+    shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
     density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),

@@ -51,6 +51,51 @@ def test_rigid_motion_changes_no_density(make_cloud, lattice):
         assert np.abs(rate).max() < TOLERANCE * np.abs(dilution).max()
 
 
+@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize("smoothing", SMOOTHING)
+def test_renormalised_continuity_is_its_formula(mixture, smoothing, dimensions):
+    """-rho_i tr(L_i B_i), B_i the inverse of sum V_j (x_j - x_i) (x) grad W."""
+    cloud = mixture(smoothing=smoothing)
+    rate = cloud.rates(momentum=False, renormalised=True, dimensions=dimensions)[2]
+    M, L = (-np.einsum("j,ijk,ijl->ikl", cloud.V, pair, cloud.grad_W) for pair in (cloud.x_ij, cloud.u_ij))
+    B = np.linalg.inv(M[:, ::2, ::2])
+    assert_same(rate, -cloud.rho * np.einsum("ikl,ilk->i", L[:, ::2, ::2], B))
+
+
+def test_renormalised_continuity_is_exact_for_linear_velocities(make_cloud, lattice):
+    """At the surface and in disorder, where the plain sum has lost half of it."""
+    x = shake(lattice(9, 9))
+    cloud = make_cloud(x, u=x @ np.array([[1.0, 0.0, -2.0], [0.0, 0.0, 0.0], [3.0, 0.0, 0.5]]).T)
+    rate = cloud.rates(momentum=False, renormalised=True)[2]
+    np.testing.assert_allclose(rate, -1.5 * cloud.rho, rtol=TOLERANCE)
+    plain = cloud.rates(momentum=False)[2]
+    assert np.abs(plain / cloud.rho + 1.5).max() > 0.5
+
+
+def test_renormalised_continuity_in_space(make_cloud):
+    """All three rows count: on a cube of which the corners have an eighth of a neighbourhood."""
+    random = np.random.default_rng(5)
+    cube = np.stack(np.meshgrid(*[np.arange(6)] * 3), axis=-1).reshape(-1, 3)
+    x = 0.1 * (cube + random.uniform(-0.2, 0.2, cube.shape))
+    G = random.normal(size=(3, 3))
+    cloud = make_cloud(x, u=x @ G.T)
+    cloud.parameters.gradient_norm = SMOOTHING["wendland_c2"].normalisation[3] / cloud.h**5
+    cloud.parameters.mass = cloud.array([1.0, 1.0], float)
+    cloud.position_volume = cloud.array(np.column_stack([cloud.x, np.full(216, 1e-3)]), wp.vec4)
+    rate = cloud.rates(momentum=False, renormalised=True)[2]
+    inside = (np.abs(cube - 2.5) < 2.0).all(axis=1)
+    scale = 1000.0 * np.abs(G).sum()
+    np.testing.assert_allclose(rate[inside], -1000.0 * np.trace(G), rtol=0, atol=TOLERANCE * scale)
+
+
+def test_spray_keeps_the_plain_rate(make_cloud):
+    x = np.array([[0, 0, 0], [0.12, 0, 0], [0, 0, 0.15], [0.14, 0, 0.13]])
+    cloud = make_cloud(x, u=5.0 * x[:, ::-1] + x)
+    plain, renormalised = (cloud.rates(momentum=False, renormalised=choice)[2] for choice in (False, True))
+    assert_same(renormalised, plain)
+    assert plain.all()
+
+
 def test_kinetic_and_internal_energy_are_exchanged_without_loss(mixture):
     """sum m u . a by pressure + sum m p / rho^2 d rho/dt = 0: eq 43 is the partner of eq 38."""
     cloud = mixture()
