@@ -149,7 +149,7 @@ class Coupling:
             loads.reaction_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
             b.point_count,
             [
-                *(m.grid, m.parameters, self._reach + m.longest_motion, cells.start),
+                *(m.grid, m.parameters, self._reach, m.longest_motion, cells.start),
                 *(s.position_volume, s.velocity_pressure, s.fluid),
                 *(b.point_position, b.point_velocity, b.point_normal, b.point_before, b.point_after, b.point_force),
             ],
