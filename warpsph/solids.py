@@ -15,7 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpsph import scene as fields
-from warpsph.bodies import ContactLeg, ContactPoints, contact_depth, contact_legs, contact_points, plane_leg
+from warpsph.bodies import (
+    ContactLeg,
+    ContactPoints,
+    contact_depth,
+    contact_legs,
+    contact_points,
+    corners_at,
+    edges_at,
+    facet_legs,
+    joined,
+)
+from warpsph.facets import crate_facets, sheet_edges
 from warpsph.mesh import Mesh, box_mesh, read_mesh, solid_mass, sphere_mesh, surface_of_mesh, winding_number
 from warpsph.motion import Motion, Table, read_table
 from warpsph.outline import Array, Bend, Line, Outline, closed_outline, path_legs
@@ -111,22 +122,22 @@ def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet |
 
 def contact_of_walls(
     scene: Scene, walls: Sequence[Sheet | Crate], sides: Sequence[int]
-) -> tuple[list[ContactLeg], list[ContactPoints]]:
+) -> tuple[list[ContactLeg], ContactPoints]:
     """The walls as contact sees them: as drawn, and free where the fluid is."""
     legs: list[ContactLeg] = []
     points: list[ContactPoints] = []
     depth = contact_depth(scene.smoothing_length)
     for wall, side in zip(walls, sides, strict=True):
-        if isinstance(wall, Crate):
-            for axis, end in wall.sides():
-                inward = np.eye(3)[axis] * (1 - 2 * end) * (side or 1)
-                legs.append(plane_leg((wall.low, wall.high)[end], inward))
-            continue
-        width = max(map(abs, wall.width)) if wall.width else 0.0
         for way in (side,) if side else (1, -1):
-            legs += contact_legs(wall.outline, way, depth, width)
-            points.append(contact_points(wall.outline, way))
-    return legs, points
+            if isinstance(wall, Sheet):
+                legs += contact_legs(wall.outline, way, depth, *([wall.width] if wall.width else []))
+            if isinstance(wall, Sheet) and not wall.width:
+                points.append(contact_points(wall.outline, way))
+                continue
+            found = sheet_edges(wall, way) if isinstance(wall, Sheet) else crate_facets(wall, way, depth)
+            legs += facet_legs(found, depth)
+            points += [corners_at(found.corners), edges_at(found.edges)]
+    return legs, joined(points)
 
 
 def moved_outline(outline: Outline, angle: float, shift: Array) -> Outline:
