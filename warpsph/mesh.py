@@ -316,7 +316,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
     total = float(sizes.sum())
     if total / (PIECE * spacing) ** 2 > MOST_PIECES:
         raise ValueError(f"a spacing of {spacing:g} m is too fine for a surface of {total:.3g} m2")
-    middles, areas, of_triangle = _pieces(mesh, PIECE * spacing)
+    middles, areas, of_triangle = pieces(mesh, PIECE * spacing)
     facing = mesh.areas / np.maximum(sizes, 1e-300)[:, None]
     piece_normals = facing[of_triangle]
 
@@ -352,7 +352,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
     return Surface(points[kept], normals[kept], shares[kept], nothing, nothing)
 
 
-def _pieces(mesh: Mesh, longest: float) -> tuple[Array, Array, NDArray[np.int64]]:
+def pieces(mesh: Mesh, longest: float) -> tuple[Array, Array, NDArray[np.int64]]:
     """Middles [m], areas [m2] and triangles of pieces no longer than `longest` [m]: longest edges are halved."""
     corners, of_triangle = mesh.corners, np.arange(len(mesh.triangles))
     done = []

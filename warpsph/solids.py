@@ -33,6 +33,7 @@ from warpsph.mesh import (
     ball_mass,
     box_mesh,
     distance_to_mesh,
+    pieces,
     read_mesh,
     solid_mass,
     sphere_mesh,
@@ -268,8 +269,8 @@ def _surface(
     set_back: float,
 ) -> tuple[Surface, Array]:
     """The points that push the fluid, `set_back` [m] inside of what is drawn, and points all over that [m]."""
-    back = stood_back(mesh, set_back)
     if shape.box:
+        stood_back(mesh, set_back)  # refuses one that is too thin
         # On a lattice, as the walls of a tank.
         low, high = np.array(shape.box.min), np.array(shape.box.max)
         drawn, inner = Crate(low, high, frozenset()), Crate(low + set_back, high - set_back, frozenset())
@@ -277,10 +278,12 @@ def _surface(
         nothing = np.zeros_like(points)
         surface = Surface(points @ turn.T + at, -inward @ turn.T, shares, nothing, nothing)
         return surface, drawn.sample(scene.wall_spacing)[0] @ turn.T + at
-    samples = surface_of_mesh(mesh, scene.wall_spacing).points
-    if ball:
-        back = sphere_mesh(ball[0], ball[1] - set_back)
-    return surface_of_mesh(back, scene.wall_spacing), samples
+    samples = np.concatenate([mesh.vertices, pieces(mesh, scene.wall_spacing)[0]])
+    if ball is None:
+        return surface_of_mesh(stood_back(mesh, set_back), scene.wall_spacing), samples
+    if ball[1] <= set_back:
+        raise ValueError(f"it is too small: the points that push the fluid stand {set_back:.3g} m inside of it")
+    return surface_of_mesh(sphere_mesh(ball[0], ball[1] - set_back), scene.wall_spacing), samples
 
 
 def _motion(scene: Scene, path: str, motion: fields.BodyMotion) -> Motion:
