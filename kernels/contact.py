@@ -19,9 +19,17 @@ nothing has a time scale: any dt is stable, sticking is u_t = 0 to rounding, and
 Surfaces are the exact legs of outlines, straight or arcs, not their samples: a block slides over an arc without bumps,
 a disc rolls without being a polygon, and a wall is one-sided and as thick as `depth`. Against the legs of one body
 stand the corners and the arcs of another (an arc is a corner with a radius), and the other way round: in the plane
-nothing else can touch first. In 3-D legs reach along y without end, PLANE is a wall at any angle, and the sample points
-of a mesh are its corners. Of the points near a leg only few are kept: those that would touch first, with the leg as it
-is and slightly tilted each way.
+nothing else can touch first.
+
+In 3-D legs are the flat FACEs of meshes and boxes, the walls of the plane across their width, and BALLs; a ball is a
+corner with a radius too. Two edges can touch first as well, each a point of its body and an EDGE for a leg. They do
+where the normal of both is one of the body's own at its edge, halfway between its two faces at most (the sides of
+Minkowski's difference, Gilbert & Foo 1990). Where a corner lies on the very border of a face, or two edges cross in the
+very end of one, it depends on nothing but rounding which face or edge it is: there the one counts that has the other
+body's centre in front of it.
+
+Of the points near a leg only few are kept: those that would touch first, with the leg as it is and slightly tilted each
+way.
 """
 
 import warp as wp
@@ -30,7 +38,9 @@ from .bodies import Bodies
 
 LINE = wp.constant(0)
 BEND = wp.constant(1)
-PLANE = wp.constant(2)
+FACE = wp.constant(2)
+EDGE = wp.constant(3)
+BALL = wp.constant(4)
 
 # Tilts by which the points that span a contact are told from those between them: 0 and eight ways, of which the
 # first two are in the x-z plane.
@@ -38,6 +48,10 @@ MOST_SLOTS = 9
 # The share of an overlap that is put right in a step, and the sweeps for it.
 OVERLAP_SHARE = wp.constant(wp.float64(0.2))
 OVERLAP_SWEEPS = wp.constant(10)
+# Edges whose directions differ by less are parallel: they touch where corners do. And how far the normal of two edges
+# may lie beyond a face. Sine of the angle.
+PARALLEL = wp.constant(wp.float64(1.0e-4))
+BEYOND_FACE = wp.constant(wp.float64(1.0e-3))
 
 Scores = wp.types.vector(length=MOST_SLOTS, dtype=wp.float64)
 Chosen = wp.types.vector(length=MOST_SLOTS, dtype=wp.int32)
@@ -61,19 +75,29 @@ class Contact:
     static_friction: wp.array[wp.float64]
     dynamic_friction: wp.array[wp.float64]
     reach: wp.array[wp.float64]  # of a body's points from its centre [m]
-    point_offset: wp.array[wp.vec3d]  # corners, and centres of arcs, in the coordinates of their body [m]
-    point_radius: wp.array[wp.float64]  # of an arc [m]; 0: a corner
-    point_way: wp.array[wp.vec3d]  # from the centre to the middle of an arc, unit vector
+    point_offset: wp.array[wp.vec3d]  # corners, centres of arcs, starts of edges, in the coordinates of their body [m]
+    point_radius: wp.array[wp.float64]  # of an arc or a ball [m]; 0: a corner
+    point_way: wp.array[wp.vec3d]  # from the centre to the middle of an arc, along an edge; unit vector
     point_spread: wp.array[wp.float64]  # cosine of half of what an arc turns; -1: all around
+    point_length: wp.array[wp.float64]  # of an edge [m]; 0: none
+    point_into: wp.array2d[wp.vec3d]  # from an edge into either of its faces, unit vectors
     leg_body: wp.array[int]  # legs lie in the coordinates of their body
     leg_kind: wp.array[int]
-    leg_origin: wp.array[wp.vec3d]  # start of a line, centre of an arc, any point of a plane [m]
+    leg_origin: wp.array[wp.vec3d]  # start of a line or an edge, centre of an arc or a ball, any point of a face [m]
     leg_along: wp.array[wp.vec3d]  # unit vector to the end of a line, from the centre to the middle of an arc
+    leg_into: wp.array2d[wp.vec3d]  # from an edge into either of its faces, unit vectors
     leg_normal: wp.array[wp.vec3d]  # out of the solid; of an arc y, times 1 where the solid is inside of it, else -1
-    leg_radius: wp.array[wp.float64]  # of an arc [m]
+    leg_radius: wp.array[wp.float64]  # of an arc or a ball [m]
     leg_length: wp.array[wp.float64]  # [m]
     leg_start: wp.array[wp.vec2d]  # how far below its start the leg still counts [m], and how fast that shrinks inside
     leg_end: wp.array[wp.vec2d]  # the same beyond its end
+    leg_width: wp.array[wp.vec2d]  # from y to y, of a line or an arc [m]
+    leg_border: wp.array[
+        int
+    ]  # borders of the triangles of a face: leg_border[leg] .. leg_border[leg + 1] - 1, by threes
+    border_start: wp.array[wp.vec3d]  # any point of the border of a triangle [m]
+    border_into: wp.array[wp.vec3d]  # from it into the triangle, unit vector
+    border_beyond: wp.array[wp.vec2d]  # as leg_start
     leg_center: wp.array[wp.vec3d]  # of a sphere around the leg [m]
     leg_reach: wp.array[wp.float64]  # its radius [m]; infinite where the leg is
 
@@ -83,6 +107,9 @@ def leg_coordinates(contact: Contact, leg: int, x: wp.vec3d):
     """Gap [m], normal, and two coordinates along the surface [m] of a point, all in the coordinates of the leg."""
     arm = x - contact.leg_origin[leg]
     along, axis = contact.leg_along[leg], contact.leg_normal[leg]
+    if contact.leg_kind[leg] == BALL:
+        away = wp.length(arm)
+        return away - contact.leg_radius[leg], arm / away, wp.dot(arm, along), wp.dot(arm, wp.cross(axis, along))
     if contact.leg_kind[leg] != BEND:
         return wp.dot(arm, axis), axis + wp.vec3d(), wp.dot(arm, along), wp.dot(arm, wp.cross(axis, along))
     side, radius = axis[1], contact.leg_radius[leg]
@@ -96,33 +123,132 @@ def leg_coordinates(contact: Contact, leg: int, x: wp.vec3d):
 
 @wp.func
 def point_coordinates(
-    contact: Contact, leg: int, k: int, x: wp.vec3d, q: wp.quatd, x_other: wp.vec3d, q_other: wp.quatd
+    contact: Contact, leg: int, b: int, k: int, x: wp.vec3d, q: wp.quatd, x_other: wp.vec3d, q_other: wp.quatd
 ):
-    """As `leg_coordinates`, but of the outermost place of point k of the body at x and q, and the normal in the world.
+    """As `leg_coordinates`, but of the outermost place of point k of body b at x and q, and the normal in the world.
 
-    Also whether the point lies over the leg, and not over its neighbour, near enough to touch.
+    Also whether the point lies over the leg, and not over its neighbour, near enough to touch; and the way there from
+    the centre of its body [m].
     """
-    place = x + wp.quat_rotate(q, contact.point_offset[k])
-    gap, normal, t, s = leg_coordinates(contact, leg, wp.quat_rotate_inv(q_other, place - x_other))
-    n = wp.quat_rotate(q_other, normal)
+    kind = contact.leg_kind[leg]
+    arm = wp.quat_rotate(q, contact.point_offset[k])
+    place = wp.quat_rotate_inv(q_other, x + arm - x_other)
+    centre = wp.quat_rotate_inv(q_other, x - x_other)
     radius = contact.point_radius[k]
+    length = contact.point_length[k]
+    gap, t, s = wp.float64(wp.inf), wp.float64(0.0), wp.float64(0.0)
+    normal = wp.vec3d()
+    is_near = bool(False)
+    if length > wp.float64(0.0):
+        # Of two bodies only one looks at the crossings of their edges.
+        if kind == EDGE and contact.leg_body[leg] < b:
+            way = wp.quat_rotate_inv(q_other, wp.quat_rotate(q, contact.point_way[k]))
+            into = wp.quat_rotate_inv(q_other, wp.quat_rotate(q, contact.point_into[k, 0]))
+            into_too = wp.quat_rotate_inv(q_other, wp.quat_rotate(q, contact.point_into[k, 1]))
+            gap, normal, t, s, is_near = crossing(contact, leg, place, way, length, into, into_too, centre)
+            arm += s * wp.quat_rotate(q, contact.point_way[k])
+    elif kind == EDGE:
+        if radius > wp.float64(0.0):
+            start, along = contact.leg_origin[leg], contact.leg_along[leg]
+            t = wp.clamp(wp.dot(place - start, along), wp.float64(0.0), contact.leg_length[leg])
+            off = place - start - t * along
+            gap = wp.length(off) - radius
+            normal = wp.normalize(off)
+            is_near = gap < contact.margin and gap > -contact.depth
+    elif kind == FACE:
+        gap, normal, t, s = leg_coordinates(contact, leg, place)
+        gap -= radius
+        is_near = is_on_face(contact, leg, gap, place, wp.dot(centre - contact.leg_origin[leg], normal))
+    else:
+        gap, normal, t, s = leg_coordinates(contact, leg, place)
+        gap -= radius
+        is_near = is_on_leg(contact, leg, gap, t, place[1])
+    n = wp.quat_rotate(q_other, normal)
     towards = -wp.dot(wp.quat_rotate_inv(q, n), contact.point_way[k])
-    is_near = is_on_leg(contact, leg, gap - radius, t)
     if radius > wp.float64(0.0) and towards < contact.point_spread[k]:
         is_near = False
-    return gap - radius, n, t, s, is_near
+    return gap, n, t, s, is_near, arm - radius * n
 
 
 @wp.func
-def is_on_leg(contact: Contact, leg: int, gap: wp.float64, t: wp.float64) -> bool:
+def is_on_leg(contact: Contact, leg: int, gap: wp.float64, t: wp.float64, y: wp.float64) -> bool:
     """Whether a point with that gap lies over the leg, and not over its neighbour, near enough to touch."""
     if gap >= contact.margin or gap <= -contact.depth:
         return False
-    if contact.leg_kind[leg] == PLANE:
+    if contact.leg_kind[leg] == BALL:
         return True
+    width = contact.leg_width[leg]
+    if y < width[0] or y > width[1]:
+        return False
     inside = wp.max(-gap, wp.float64(0.0))
     start, end = contact.leg_start[leg], contact.leg_end[leg]
     return t >= start[1] * inside - start[0] and t <= contact.leg_length[leg] - end[1] * inside + end[0]
+
+
+@wp.func
+def is_on_face(contact: Contact, leg: int, gap: wp.float64, place: wp.vec3d, before: wp.float64) -> bool:
+    """As `is_on_leg`, over one of the triangles of a face. The point's body has its centre `before` it [m]."""
+    if gap >= contact.margin or gap <= -contact.depth:
+        return False
+    inside = wp.max(-gap, wp.float64(0.0))
+    is_on = bool(False)
+    first = contact.leg_border[leg]
+    for triangle in range((contact.leg_border[leg + 1] - first) // 3):
+        room = wp.float64(wp.inf)
+        for border in range(first + 3 * triangle, first + 3 * triangle + 3):
+            beyond = contact.border_beyond[border]
+            to_border = wp.dot(place - contact.border_start[border], contact.border_into[border])
+            room = wp.min(room, to_border + beyond[0] - beyond[1] * inside)
+        if room > contact.slack or (room > -contact.slack and before > wp.float64(0.0)):
+            is_on = True
+    return is_on
+
+
+@wp.func
+def is_before_edge(n: wp.vec3d, into: wp.vec3d, into_too: wp.vec3d) -> bool:
+    """Whether n is a normal at an edge: neither of its faces reaches beyond the plane."""
+    return wp.dot(n, into) < BEYOND_FACE and wp.dot(n, into_too) < BEYOND_FACE
+
+
+@wp.func
+def crossing(
+    contact: Contact,
+    leg: int,
+    start: wp.vec3d,
+    way: wp.vec3d,
+    length: wp.float64,
+    into: wp.vec3d,
+    into_too: wp.vec3d,
+    centre: wp.vec3d,
+):
+    """Gap, normal, the place along the leg and along the edge from `start`, and whether the two can touch.
+
+    The normal n is that of both edges, n = a x d / |a x d|, and the gap its part of the way between them. All is in
+    the coordinates of the leg, `centre` the centre of the other edge's body.
+    """
+    origin, along, limit = contact.leg_origin[leg], contact.leg_along[leg], contact.leg_length[leg]
+    across = wp.cross(along, way)
+    sine = wp.length(across)
+    gap, t, s = wp.float64(wp.inf), wp.float64(0.0), wp.float64(0.0)
+    n = wp.vec3d()
+    is_near = bool(False)
+    if sine > PARALLEL:
+        n = across / sine
+        is_facing = is_before_edge(n, contact.leg_into[leg, 0], contact.leg_into[leg, 1])
+        if not (is_facing and is_before_edge(-n, into, into_too)):
+            n = -n
+            is_facing = is_before_edge(n, contact.leg_into[leg, 0], contact.leg_into[leg, 1])
+        if is_facing and is_before_edge(-n, into, into_too):
+            arm = start - origin
+            gap = wp.dot(arm, n)
+            cosine = wp.dot(along, way)
+            t = (wp.dot(arm, along) - cosine * wp.dot(arm, way)) / (sine * sine)
+            s = cosine * t - wp.dot(arm, way)
+            room = wp.min(wp.min(t, limit - t), wp.min(s, length - s))
+            is_near = gap < contact.margin and gap > -contact.depth and room > -contact.slack
+            if room < contact.slack and wp.dot(centre - origin, n) < wp.float64(0.0):
+                is_near = False
+    return gap, n, t, s, is_near
 
 
 @wp.func
@@ -185,8 +311,8 @@ def find_contacts(
     if may_touch(contact, b, leg, position, orientation, inverse_mass):
         other = contact.leg_body[leg]
         for k in range(block_first[block], block_first[block + 1]):
-            gap, _n, t, s, is_near = point_coordinates(
-                contact, leg, k, position[b], orientation[b], position[other], orientation[other]
+            gap, _n, t, s, is_near, _arm = point_coordinates(
+                contact, leg, b, k, position[b], orientation[b], position[other], orientation[other]
             )
             if is_near:
                 for slot in range(contact.slots):
@@ -293,10 +419,9 @@ def gather_contacts(
                     if taken[earlier] == k:
                         is_new = False
                 if is_new:
-                    gap, n, _t, _s, _is_near = point_coordinates(
-                        contact, leg, k, position[b], orientation[b], position[other], orientation[other]
+                    gap, n, _t, _s, _is_near, arm = point_coordinates(
+                        contact, leg, b, k, position[b], orientation[b], position[other], orientation[other]
                     )
-                    arm = wp.quat_rotate(orientation[b], contact.point_offset[k]) - contact.point_radius[k] * n
                     x = position[b] + arm
                     arm_other = x - position[other]
                     before = velocity_before[b] + wp.cross(spin_before[b], arm)

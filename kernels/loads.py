@@ -82,6 +82,7 @@ def reaction_kernel(force: str, smoothing: str) -> wp.Kernel:
         grid: CellGrid,
         parameters: Parameters,
         reach: float,
+        motion: float,
         start: wp.array[int],
         position_volume: wp.array[wp.vec4],
         velocity_pressure: wp.array[wp.vec4],
@@ -95,12 +96,12 @@ def reaction_kernel(force: str, smoothing: str) -> wp.Kernel:
     ):
         """Force on point k [N], in 2-D [N/m].
 
-        Cells hold the particles where these were listed: `reach` [m] is that of the law and how far they may have gone.
+        The law reaches `reach` [m]; cells hold the particles where these were listed, at most `motion` [m] from here.
         """
         k = first + wp.tid()
         x_k, u_k, n_k = point_position[k], point_velocity[k], point_normal[k]
         before_k, after_k = point_before[k], point_after[k]
-        low, high = cell_at(grid, x_k - wp.vec3(reach)), cell_at(grid, x_k + wp.vec3(reach))
+        low, high = cell_at(grid, x_k - wp.vec3(reach + motion)), cell_at(grid, x_k + wp.vec3(reach + motion))
         total = wp.vec3()
         for z in range(low[2], high[2] + 1):
             for y in range(low[1], high[1] + 1):
@@ -108,8 +109,9 @@ def reaction_kernel(force: str, smoothing: str) -> wp.Kernel:
                 for i in range(start[row + low[0]], start[row + high[0] + 1]):
                     xV_i, up_i = position_volume[i], velocity_pressure[i]
                     x_ik = wp.vec3(xV_i[0], xV_i[1], xV_i[2]) - x_k
-                    r = wp.sqrt(wp.dot(x_ik, x_ik))
-                    if r < reach:
+                    r2 = wp.dot(x_ik, x_ik)
+                    if r2 < reach * reach:
+                        r = wp.sqrt(r2)
                         u_ik = wp.vec3(up_i[0], up_i[1], up_i[2]) - u_k
                         c = parameters.sound_speed[fluid[i]]
                         nu = parameters.wall_alpha[fluid[i]] * c

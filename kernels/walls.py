@@ -235,16 +235,23 @@ def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False) -
 
         by_wall = wp.vec3()
         nearest = parameters.list_radius
+        beyond = parameters.list_radius
         if wp.static(moving):
             by_wall = wall_acceleration_inout[i]
             nearest = wall_distance_inout[i]
+            if wp.static(by_leg):
+                beyond += 1.0 / parameters.inverse_spacing  # a leg is no longer
         nothing = wp.vec3()
         for n in range(wall_first[i], wall_first[i + 1]):
             k = wall_list[n]
             x_ik = x_i - wall_position[k]
-            r = wp.sqrt(wp.dot(x_ik, x_ik))
+            r2 = wp.dot(x_ik, x_ik)
             if wp.static(moving):
+                # Lists of what moves reach far: most of it is too far away.
+                if r2 >= beyond * beyond:
+                    continue
                 u_ik = wp.vec3(up_i[0], up_i[1], up_i[2]) - wall_velocity[k]
+            r = wp.sqrt(r2)
             if wp.static(by_leg):
                 by_wall += law(parameters, c, x_ik, u_ik, wall_normal[k], wall_before[k], wall_after[k])
             else:

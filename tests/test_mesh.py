@@ -5,7 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from warpsph.mesh import Mesh, box_mesh, read_mesh, solid_mass, solid_mesh, sphere_mesh, surface_of_mesh, winding_number
+from warpsph.mesh import (
+    Mesh,
+    ball_mass,
+    box_mesh,
+    distance_to_mesh,
+    read_mesh,
+    solid_mass,
+    solid_mesh,
+    sphere_mesh,
+    stood_back,
+    surface_of_mesh,
+    winding_number,
+)
 
 # Double precision, sums over triangles: relative.
 TOLERANCE = 1e-10
@@ -193,3 +205,38 @@ def test_sampling_is_the_same_each_time():
 def test_too_fine_a_spacing_is_refused():
     with pytest.raises(ValueError, match="too fine"):
         surface_of_mesh(BOX, 1e-6)
+
+
+# ---- standing back ----
+
+
+def test_stood_back_surfaces():
+    """A box shrinks on all sides, its corners included; a wedge to where its planes meet; a sphere by its radius."""
+    back = stood_back(BOX, 0.005)
+    np.testing.assert_allclose(
+        np.sort(back.vertices, axis=0), np.sort(box_mesh(LOW + 0.005, HIGH - 0.005).vertices, axis=0)
+    )
+    normals = WEDGE.areas / np.linalg.norm(WEDGE.areas, axis=1)[:, None]
+    moved = np.einsum("ijk,ik->ij", stood_back(WEDGE, 0.01).corners - WEDGE.corners, normals)
+    np.testing.assert_allclose(moved, -0.01, rtol=1e-9)
+    sphere = stood_back(sphere_mesh([1.0, 2.0, 3.0], 0.5, 3), 0.1)
+    np.testing.assert_allclose(np.linalg.norm(sphere.vertices - [1.0, 2.0, 3.0], axis=1), 0.4, rtol=2e-3)
+
+
+@pytest.mark.parametrize("distance", [0.021, 0.03, 0.05, 0.2])
+def test_too_thin_to_stand_back(distance):
+    with pytest.raises(ValueError, match="too thin or too small") as caught:
+        stood_back(BOX, distance)  # 0.04 m high, 0.06 m wide
+    assert "\n" not in str(caught.value)
+
+
+def test_distance_to_mesh():
+    """From above a face, beyond an edge and a corner, and from inside."""
+    off = np.array([[-0.03, -0.02, 0.01], [0.03, -0.02, 0.04], [0.02, 0.03, 0.06], [-0.05, -0.03, -0.01]])
+    np.testing.assert_allclose(distance_to_mesh(BOX, HIGH + off), [0.01, 0.05, 0.07, 0.01], rtol=1e-9)
+
+
+def test_ball():
+    mass = ball_mass([1.0, 2.0, 3.0], 0.5, mass=3.0, centre=[1.0, 2.0, 2.9])
+    expected = 0.4 * 3.0 * 0.25 * np.eye(3) + 3.0 * 0.01 * np.diag([1.0, 1.0, 0.0])
+    np.testing.assert_allclose(mass.inertia, expected, rtol=TOLERANCE, atol=1e-15)

@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from warpsph.facets import facets
 from warpsph.geometry import place
+from warpsph.mesh import box_mesh
 from warpsph.scene import SceneError
 
 POND = """\
@@ -171,3 +173,95 @@ def test_cube_in_space(make_scene):
     placement = place(make_scene(CUBE))
     assert len(placement.position) == 20 * 20 * 10 - 8 * 8 * 4  # 0.3 to 0.7 and to the level of 0.5
     assert not cube.contains(placement.position).any()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("min: [0.3, 0.3, 0.3]", "min: [0.3, -0.1, 0.3]", "bodies[0].shape: wall 'tank' runs through it, at x = "),
+        ("min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]", "min: [1.1, 0.3, 0.3], max: [1.4, 0.7, 0.7]", "bodies[0]: lies"),
+        ("max: [0.7, 0.7, 0.7]", "max: [0.7, 0.36, 0.7]", "bodies[0].shape: it is too thin or too small at x = "),
+        ("density: 500.0", "mass: 0.0", "bodies[0].mass: must be more than 0"),
+        ("density: 500.0", "", "exactly one of density, mass"),
+        ("density: 500.0", "density: 500.0, spin: 2.0", "spin: three numbers [wx, wy, wz] are needed in a 3-D scene"),
+        ("density: 500.0", "density: 500.0, inertia: 2.0", "inertia: three numbers [Jx, Jy, Jz] are needed"),
+        ("density: 500.0", "density: 500.0, inertia: [1.0, 2.0, 4.0]", "no body has the principal inertias 1, 2 and 4"),
+        ("density: 500.0", "density: 500.0, inertia: [1.0, 2.0, -4.0]", "bodies[0].inertia[2]: must be more than 0"),
+        ("density: 500.0", "density: 500.0, axis: [0.0, 0.0, 0.0]", "bodies[0].axis: a direction is needed"),
+        ("density: 500.0", "density: 500.0, at: [0.1, 0.2]", "bodies[0].at: three numbers are needed"),
+        ("density: 500.0", "density: 500.0, locked: [angle]", "'angle' means nothing in a 3-D scene"),
+        (
+            "density: 500.0",
+            "density: 500.0, locked: [turn_y], spin: [0.0, 1.0, 0.0]",
+            "spin: starts with 1 along 'turn_y', which is locked",
+        ),
+        (
+            "box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}",
+            "disc: {center: [0.5, 0.5], radius: 0.2}",
+            "bodies[0].shape.disc: means nothing in a 3-D scene; it goes with 'dimensions: 2'",
+        ),
+        (
+            "density: 500.0}",
+            "density: 500.0}\n  - {name: ball, shape: {sphere: {center: [0.8, 0.5, 0.5], radius: 0.15}}, density: 1.0}",
+            "bodies[1].shape: overlaps body 'cube', at x = ",
+        ),
+        (
+            "density: 500.0}",
+            "density: 500.0}\n  - {name: ball, shape: {sphere: {center: [0.9, 0.5, 0.5], radius: 0.04}}, density: 1.0}",
+            "bodies[1].shape: it is too small",
+        ),
+    ],
+)
+def test_impossible_bodies_in_space_are_refused_in_one_line(make_scene, old, new, words):
+    assert old in CUBE
+    with pytest.raises(SceneError) as error:
+        place(make_scene(CUBE.replace(old, new)))
+    assert words in tail(error)
+    assert tail(error)[0].isdigit()  # the line
+
+
+def test_sphere_in_space(make_scene):
+    """It weighs and resists turning as a sphere, not as its mesh; its points stand back evenly."""
+    shape = "sphere: {center: [0.0, 0.0, 0.0], radius: 0.2}"
+    text = CUBE.replace("box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}", shape)
+    (sphere,) = place(make_scene(text.replace("density: 500.0", "density: 500.0, at: [0.5, 0.4, 0.6]"))).solids
+    mass, middle = sphere.body.mass, np.array([0.5, 0.4, 0.6])
+    assert mass.mass == pytest.approx(500.0 * 4.0 / 3.0 * math.pi * 0.2**3, rel=1e-12)
+    np.testing.assert_allclose(mass.inertia, 0.4 * mass.mass * 0.2**2 * np.eye(3), rtol=1e-12, atol=1e-15)
+    reach = np.linalg.norm(sphere.body.surface.points - middle, axis=1)
+    np.testing.assert_allclose(reach, 0.2 - 0.95 * 0.05, rtol=2e-3)
+    np.testing.assert_allclose(sphere.distance(np.array([[0.8, 0.4, 0.6], [0.5, 0.5, 0.6]])), 0.1)
+
+
+def test_turned_about_an_axis_in_space(make_scene):
+    """30 degrees about x, right-handed, y towards z; and by default x towards z. Moments turn along."""
+    box = "shape: {box: {min: [-0.2, -0.15, 0.0], max: [0.2, 0.15, 0.3]}}, at: [0.5, 0.5, 0.6], angle: 30.0"
+    text = CUBE.replace("shape: {box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}}", box)
+    c, s = math.cos(math.radians(30.0)), math.sin(math.radians(30.0))
+    for axis, way in (("axis: [2.0, 0.0, 0.0], ", [0.0, -s, c]), ("", [-s, 0.0, c])):
+        given = f"{axis}inertia: [1.0, 1.0, 1.5], density: 500.0"
+        (solid,) = place(make_scene(text.replace("density: 500.0", given))).solids
+        way = np.array(way)
+        np.testing.assert_allclose(solid.body.mass.centre, [0.5, 0.5, 0.6] + 0.15 * way, atol=1e-12)
+        np.testing.assert_allclose(solid.body.mass.inertia @ way, 1.5 * way, atol=1e-12)
+        points = solid.body.surface.points
+        np.testing.assert_allclose(solid.distance(points), 0.95 * 0.05, rtol=1e-9)
+        assert solid.contains(points).all()
+
+
+def test_mesh_in_space_is_what_its_file_says(make_scene, tmp_path):
+    """A box from an STL file is that box: mass, inertia, contact and the places that it displaces."""
+    meshio = pytest.importorskip("meshio")
+    mesh = box_mesh([-0.2, -0.2, -0.2], [0.2, 0.2, 0.2])
+    meshio.write(tmp_path / "cube.stl", meshio.Mesh(1000.0 * mesh.vertices, [("triangle", mesh.triangles)]))
+    shape = f"mesh: {{file: {tmp_path / 'cube.stl'}, scale: 0.001}}"
+    text = CUBE.replace("box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}", shape)
+    read = place(make_scene(text.replace("density: 500.0", "density: 500.0, at: [0.5, 0.5, 0.5]")))
+    drawn = place(make_scene(CUBE))
+    (one,), (other,) = read.solids, drawn.solids
+    assert one.body.mass.mass == pytest.approx(other.body.mass.mass, rel=1e-6)
+    np.testing.assert_allclose(one.body.mass.inertia, other.body.mass.inertia, rtol=1e-6, atol=1e-8)
+    np.testing.assert_array_equal(read.position, drawn.position)
+    found = facets(one.body.mesh.vertices, one.body.mesh.triangles, 0.01)
+    assert (len(found.faces), len(found.edges), len(found.corners)) == (6, 12, 8)
+    np.testing.assert_allclose(one.distance(one.body.surface.points), 0.95 * 0.05, rtol=1e-4)

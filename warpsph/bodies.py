@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
 import warp as wp
 
+from warpsph.facets import Edge, Face, Facets, facets
 from warpsph.kernels import bodies as body_kernels
 from warpsph.kernels import contact as contact_kernels
 from warpsph.launch import Launch, Launcher
@@ -21,7 +22,7 @@ from warpsph.rigid import Body, MassProperties, Surface, counter_clockwise, reve
 BLOCK_SIZE = 64
 # Contacts kept of a body and a leg (see kernels/contact.py), and of a body.
 SLOTS = {2: 3, 3: 9}
-CAPACITY = {2: 32, 3: 64}
+CAPACITY = {2: 32, 3: 128}
 SWEEPS = 100
 TOLERANCE = 1e-12
 TILT = 1e-3
@@ -43,14 +44,19 @@ class ContactLeg:
     end: tuple[float, float] = (0.0, 0.0)
     center: Array = (0.0, 0.0, 0.0)
     reach: float = math.inf
+    width: tuple[float, float] = (-math.inf, math.inf)
+    into: Array = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    face: Face | None = None
 
 
-def contact_legs(outline: Outline, side: int, depth: float, width: float = 0.0) -> list[ContactLeg]:
+def contact_legs(
+    outline: Outline, side: int, depth: float, width: tuple[float, float] = (-math.inf, math.inf)
+) -> list[ContactLeg]:
     """The legs of an outline whose free side is on the left (`side` 1) or on the right (-1) of the way along.
 
     At a corner that points out of the solid a point inside belongs to the nearer leg: the corner is shared along its
     bisector. At one that points into it legs reach `depth` [m] into each other, so that none slips in between.
-    `width` [m] is how far the scene reaches along y.
+    `width` is how far they reach across, from y to y [m].
     """
     outline = outline if side > 0 else reversed_outline(outline)
     count = len(outline.legs)
@@ -73,39 +79,74 @@ def contact_legs(outline: Outline, side: int, depth: float, width: float = 0.0) 
             numbers = {"kind": int(contact_kernels.BEND), "origin": _space(leg.center), "radius": leg.radius}
             numbers |= {"along": _space((half - leg.center) / leg.radius), "normal": np.array([0.0, inside, 0.0])}
             middle, reach = leg.center, leg.radius
-        shape = {"length": leg.length, "start": start, "end": ends[i], "center": _space(middle)}
-        found.append(ContactLeg(**numbers, **shape, reach=math.hypot(reach + depth, width)))
+        shape = {"length": leg.length, "start": start, "end": ends[i], "center": _space(middle), "width": width}
+        across = max(map(abs, width)) if math.isfinite(width[0]) else 0.0  # bodies of the plane have no width
+        found.append(ContactLeg(**numbers, **shape, reach=math.hypot(reach + depth, across)))
     return found
 
 
-def plane_leg(point: Array, normal: Array) -> ContactLeg:
-    """An endless plane through `point` [m], shape [3], free on the side of the unit vector `normal`."""
-    normal = np.asarray(normal, float) / np.linalg.norm(normal)
-    along = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    along /= np.linalg.norm(along)
-    return ContactLeg(int(contact_kernels.PLANE), np.asarray(point, float), along, normal)
+def facet_legs(found: Facets, depth: float) -> list[ContactLeg]:
+    """Faces and edges as legs; `depth` [m] as of `contact_legs`."""
+    legs = []
+    for face in found.faces:
+        middle = 0.5 * (face.corners.min(axis=0) + face.corners.max(axis=0))
+        reach = float(np.linalg.norm(face.corners - middle, axis=1).max())
+        way = {"origin": face.corners[0], "along": face.along, "normal": face.normal}
+        legs.append(ContactLeg(int(contact_kernels.FACE), **way, center=middle, reach=reach + depth, face=face))
+    for edge in found.edges:
+        middle = edge.start + 0.5 * edge.length * edge.way
+        way = {"origin": edge.start, "along": edge.way, "normal": np.cross(edge.way, edge.into[0])}
+        about = {"length": edge.length, "center": middle, "reach": 0.5 * edge.length + depth}
+        legs.append(ContactLeg(int(contact_kernels.EDGE), **way, **about, into=edge.into))
+    return legs
+
+
+def ball_leg(centre: Array, radius: float) -> ContactLeg:
+    """The surface of a ball."""
+    x, _, z = np.eye(3)
+    return ContactLeg(int(contact_kernels.BALL), centre, x, z, radius=radius, center=centre, reach=radius)
 
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """What can touch a leg first: corners, and arcs as corners with a radius; fields as in kernels/contact.py."""
+    """What can touch a leg first: corners, arcs and balls as corners with a radius, edges; as in kernels/contact.py."""
 
     offset: Array
     radius: Array
     way: Array
     spread: Array
+    length: Array
+    into: Array
 
     def about(self, centre: Array) -> ContactPoints:
         """The same in coordinates about `centre` [m], shape [3]."""
         return replace(self, offset=self.offset - centre)
 
 
-def corners_at(points: Array) -> ContactPoints:
-    """Points [m], shape [n, 3], as corners."""
+def corners_at(points: Array, radius: float = 0.0) -> ContactPoints:
+    """Points [m], shape [n, 3], as corners, or with a `radius` [m] as balls."""
+    points = np.asarray(points, float).reshape(-1, 3)
     count = len(points)
+    nowhere = np.zeros((count, 3))
     return ContactPoints(
-        np.asarray(points, float).reshape(-1, 3), np.zeros(count), np.zeros((count, 3)), -np.ones(count)
+        points, np.full(count, radius), nowhere, -np.ones(count), np.zeros(count), np.zeros((count, 2, 3))
     )
+
+
+def edges_at(edges: Sequence[Edge]) -> ContactPoints:
+    """Edges, which touch other edges."""
+    points = corners_at(np.array([edge.start for edge in edges]))
+    if not edges:
+        return points
+    way, into = np.array([edge.way for edge in edges]), np.array([edge.into for edge in edges])
+    return replace(points, way=way, length=np.array([edge.length for edge in edges]), into=into)
+
+
+def joined(parts: Sequence[ContactPoints]) -> ContactPoints:
+    """All points of several sets, in order."""
+    parts = [corners_at(np.empty((0, 3))), *parts]
+    names = [one.name for one in fields(ContactPoints)]
+    return ContactPoints(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def contact_points(outline: Outline, side: int) -> ContactPoints:
@@ -125,13 +166,15 @@ def contact_points(outline: Outline, side: int) -> ContactPoints:
         corners += [_space(outline.legs[0].points(np.zeros(1))[0]), _space(outline.legs[-1].points(np.ones(1))[0])]
     arcs = [leg for leg in outline.legs if isinstance(leg, Bend) and leg.turn < 0.0]
     plain = corners_at(np.array(corners).reshape(-1, 3))
+    round_ones = corners_at(np.array([_space(leg.center) for leg in arcs]))
     middles = [_space((leg.points(np.array([0.5]))[0] - leg.center) / leg.radius) for leg in arcs]
-    return ContactPoints(
-        np.concatenate([plain.offset, *(_space(leg.center)[None] for leg in arcs)]),
-        np.concatenate([plain.radius, [leg.radius for leg in arcs]]),
-        np.concatenate([plain.way, np.array(middles).reshape(-1, 3)]),
-        np.concatenate([plain.spread, [math.cos(min(0.5 * abs(leg.turn) + 1e-9, math.pi)) for leg in arcs]]),
+    round_ones = replace(
+        round_ones,
+        radius=np.array([leg.radius for leg in arcs]),
+        way=np.array(middles).reshape(-1, 3),
+        spread=np.array([math.cos(min(0.5 * abs(leg.turn) + 1e-9, math.pi)) for leg in arcs]),
     )
+    return joined([plain, round_ones])
 
 
 class BodySet:
@@ -158,7 +201,7 @@ class BodySet:
         smoothing_length: float,
         contact: bool = True,
     ) -> None:
-        """`walls` and `wall_points` as of `contact_legs`, `plane_leg` and `contact_points`."""
+        """`walls` and `wall_points` as of `contact_legs`, `facet_legs` and `contact_points`."""
         self.launcher, self.bodies = launcher, tuple(bodies)
         self.count = len(self.bodies) + 1
         self._load_bodies(np.asarray(gravity, float))
@@ -386,32 +429,33 @@ class BodySet:
         for name in ("restitution", "static_friction", "dynamic_friction"):
             setattr(contact, name, self._array([-1.0, *(getattr(b, name) for b in self.bodies)], wp.float64))
 
-        sets = [wall_points]
-        for body in self.bodies:
-            points = corners_at(body.surface.points)
-            if body.outline is not None:
-                points = contact_points(counter_clockwise(body.outline), -1)
-            sets.append(points.about(body.mass.centre))
+        legs, owners, sets = list(walls), [0] * len(walls), [wall_points]
+        for b, body in enumerate(self.bodies, 1):
+            own, points = _touching(body, contact.depth)
+            legs, owners, sets = legs + own, owners + [b] * len(own), [*sets, points]
         for name, dtype in {"offset": wp.vec3d, "radius": wp.float64, "way": wp.vec3d, "spread": wp.float64}.items():
             setattr(contact, f"point_{name}", self._array(np.concatenate([getattr(p, name) for p in sets]), dtype))
-        reach = [float((np.linalg.norm(p.offset, axis=1) + p.radius).max()) for p in sets[1:]]
+        contact.point_length = self._array(np.concatenate([p.length for p in sets]), wp.float64)
+        contact.point_into = self._array(np.concatenate([p.into for p in sets]), wp.vec3d)
+        reach = [float((np.linalg.norm(p.offset, axis=1) + p.radius).max(initial=0.0)) for p in sets[1:]]
         contact.reach = self._array([math.inf, *reach], wp.float64)
         self._contact_blocks = self._blocks([len(p.radius) for p in sets])
 
-        legs, owners = list(walls), [0] * len(walls)
-        for b, body in enumerate(self.bodies, 1):
-            if body.outline is not None:
-                x, _, z = body.mass.centre
-                own = contact_legs(shifted_outline(counter_clockwise(body.outline), -x, -z), -1, contact.depth)
-                legs, owners = legs + own, owners + [b] * len(own)
         self._legs = legs
         contact.leg_body, contact.leg_kind = self._array(owners, int), self._array([leg.kind for leg in legs], int)
         for name in ("origin", "along", "normal", "center"):
             setattr(contact, f"leg_{name}", self._array([getattr(leg, name) for leg in legs], wp.vec3d))
         for name in ("radius", "length", "reach"):
             setattr(contact, f"leg_{name}", self._array([getattr(leg, name) for leg in legs], wp.float64))
-        for name in ("start", "end"):
+        for name in ("start", "end", "width"):
             setattr(contact, f"leg_{name}", self._array([getattr(leg, name) for leg in legs], wp.vec2d))
+        contact.leg_into = self._array(np.array([leg.into for leg in legs]).reshape(-1, 2, 3), wp.vec3d)
+        faces = [leg.face for leg in legs]
+        contact.leg_border = self._array(np.cumsum([0, *(len(face.corners) if face else 0 for face in faces)]), int)
+        for name, width in {"corners": 3, "into": 3, "beyond": 2}.items():
+            rows = np.concatenate([np.empty((0, width)), *(getattr(face, name) for face in faces if face)])
+            dtype = wp.vec3d if width == 3 else wp.vec2d
+            setattr(contact, f"border_{'start' if name == 'corners' else name}", self._array(rows, dtype))
 
         rows, shape = max(self._contact_blocks[0] * len(legs), 1), (self.count, contact.capacity)
         self._score = self._zeros(wp.float64, rows, contact.slots)
@@ -424,6 +468,22 @@ class BodySet:
             self._zeros(wp.float64, *shape) for _ in range(4)
         )
         self._impulse = self._zeros(wp.vec3d, 1, self.count * contact.capacity)
+
+
+def _touching(body: Body, depth: float) -> tuple[list[ContactLeg], ContactPoints]:
+    """The legs and the points of a body, about its centre."""
+    centre = body.mass.centre
+    if body.outline is not None:
+        outline = counter_clockwise(body.outline)
+        legs = contact_legs(shifted_outline(outline, -centre[0], -centre[2]), -1, depth)
+        return legs, contact_points(outline, -1).about(centre)
+    if body.ball is not None:
+        middle, radius = body.ball[0] - centre, body.ball[1]
+        return [ball_leg(middle, radius)], corners_at(middle[None], radius)
+    if body.mesh is not None:
+        own = facets(body.mesh.vertices - centre, body.mesh.triangles, depth)
+        return facet_legs(own, depth), joined([corners_at(own.corners), edges_at(own.edges)])
+    return [], corners_at(np.empty((0, 3)))
 
 
 def contact_depth(h: float) -> float:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import warp as wp
 
-from warpsph.bodies import BodySet, ContactPoints, corners_at, rotation
+from warpsph.bodies import BodySet, rotation
 from warpsph.cells import Cells
 from warpsph.geometry import Placement
 from warpsph.kernels import loads
@@ -53,7 +53,7 @@ class Coupling:
             launcher,
             [solid.body for solid in placement.solids],
             legs,
-            _joined(points),
+            points,
             dimensions=scene.dimensions,
             gravity=(0.0, 0.0, -scene.gravity),
             smoothing_length=scene.smoothing_length,
@@ -149,7 +149,7 @@ class Coupling:
             loads.reaction_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
             b.point_count,
             [
-                *(m.grid, m.parameters, self._reach + m.longest_motion, cells.start),
+                *(m.grid, m.parameters, self._reach, m.longest_motion, cells.start),
                 *(s.position_volume, s.velocity_pressure, s.fluid),
                 *(b.point_position, b.point_velocity, b.point_normal, b.point_before, b.point_after, b.point_force),
             ],
@@ -246,9 +246,3 @@ def _run(launches: tuple[_Launch, ...]) -> None:
 
 def _farthest(offsets: np.ndarray) -> float:
     return float(np.linalg.norm(offsets, axis=1).max())
-
-
-def _joined(parts: list[ContactPoints]) -> ContactPoints:
-    nothing = corners_at(np.empty((0, 3)))
-    names = ("offset", "radius", "way", "spread")
-    return ContactPoints(*(np.concatenate([getattr(part, name) for part in (nothing, *parts)]) for name in names))

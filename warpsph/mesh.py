@@ -139,21 +139,95 @@ def solid_mass(
     middle = six_volumes @ total / (24.0 * volume)
     # Integral of x x^T over each tetrahedron.
     squares = sum(np.einsum("n,ni,nj->ij", six_volumes, p, p) for p in (a, b, c, total)) / 120.0
-    all_mass = total_mass(float(volume), density, mass)
-    squares = all_mass * (squares / volume - np.outer(middle, middle))
-    uniform = origin + middle
+    squares = squares / volume - np.outer(middle, middle)
+    return _mass_of(total_mass(float(volume), density, mass), origin + middle, squares, centre, inertia)
+
+
+def ball_mass(
+    middle: ArrayLike,
+    radius: float,
+    *,
+    density: float | None = None,
+    mass: float | None = None,
+    centre: ArrayLike | None = None,
+    inertia: ArrayLike | None = None,
+) -> MassProperties:
+    """As `solid_mass`, of a ball of `radius` [m] about `middle` [m]: V = 4 pi r^3 / 3, J = 2 m r^2 / 5."""
+    total = total_mass(4.0 / 3.0 * math.pi * radius**3, density, mass)
+    return _mass_of(total, np.asarray(middle, float), 0.2 * radius**2 * np.eye(3), centre, inertia)
+
+
+def _mass_of(
+    mass: float, uniform: Array, squares: Array, centre: ArrayLike | None, inertia: ArrayLike | None
+) -> MassProperties:
+    """Mass properties of a body that were uniform about `uniform` [m], with the mean of x x^T [m2] about it."""
     place = uniform if centre is None else np.asarray(centre, float)
     if inertia is None:
         offset = place - uniform
-        squares = squares + all_mass * np.outer(offset, offset)
-        return MassProperties(all_mass, place, np.trace(squares) * np.eye(3) - squares)
+        squares = mass * (squares + np.outer(offset, offset))
+        return MassProperties(mass, place, np.trace(squares) * np.eye(3) - squares)
     given = np.asarray(inertia, float)
     if given.shape != (3, 3) or not np.allclose(given, given.T, rtol=1e-9, atol=1e-12 * np.abs(given).max()):
         raise ValueError("an inertia is a symmetric matrix of 3 by 3")
     low, mid, high = np.linalg.eigvalsh(given)
     if low <= 0.0 or high > (1.0 + 1e-9) * (low + mid):
         raise ValueError(f"no body has the principal inertias {low:g}, {mid:g} and {high:g} kg m2")
-    return MassProperties(all_mass, place, given)
+    return MassProperties(mass, place, given)
+
+
+def stood_back(mesh: Mesh, distance: float) -> Mesh:
+    """The surface `distance` [m] inside of `mesh`: each of its triangles that far behind its own.
+
+    A vertex goes by the v with n . v = -distance for the normals n of all triangles around it; where they are more than
+    three, by that which is nearest to it.
+
+    Raises ValueError where the mesh is too thin for that.
+    """
+    sizes = np.linalg.norm(mesh.areas, axis=1)
+    normals = mesh.areas / np.maximum(sizes, 1e-300)[:, None]
+    squares, sums = np.zeros((len(mesh.vertices), 3, 3)), np.zeros((len(mesh.vertices), 3))
+    ways = np.roll(mesh.corners, -1, axis=1) - mesh.corners
+    ways /= np.maximum(np.linalg.norm(ways, axis=2), 1e-300)[:, :, None]
+    for k in range(3):
+        # By angle, so that it does not matter into how many triangles a flat face is cut.
+        angle = np.arccos(np.clip(-np.einsum("ij,ij->i", ways[:, k], ways[:, k - 1]), -1.0, 1.0))
+        np.add.at(squares, mesh.triangles[:, k], angle[:, None, None] * normals[:, :, None] * normals[:, None])
+        np.add.at(sums, mesh.triangles[:, k], angle[:, None] * normals)
+    # Normals that differ by less than about 6 degrees are one: a smooth surface goes along its normal.
+    ways_in = -np.einsum("nij,nj->ni", np.linalg.pinv(squares, rcond=0.01, hermitian=True), sums)
+    back = Mesh(mesh.vertices + distance * ways_in, mesh.triangles)
+    is_turned = np.zeros(len(mesh.vertices), dtype=bool)
+    lost = (np.einsum("ij,ij->i", back.areas, normals) <= 0.0) & (sizes > 1e-6 * sizes.max())
+    is_turned[mesh.triangles[lost].ravel()] = True
+    is_turned |= winding_number(mesh, back.vertices) < 0.5
+    is_turned |= distance_to_mesh(mesh, back.vertices) < 0.7 * distance
+    if is_turned.any():
+        x, y, z = mesh.vertices[np.argmax(is_turned)]
+        raise ValueError(
+            f"it is too thin or too small at x = {x:.4g} m, y = {y:.4g} m, z = {z:.4g} m: "
+            f"the points that push the fluid stand {distance:.3g} m inside of it"
+        )
+    return back
+
+
+def distance_to_mesh(mesh: Mesh, points: Array) -> Array:
+    """Distance from each of `points` [k, 3] to the nearest triangle [m], shape [k]."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    normals = mesh.areas / np.maximum(np.linalg.norm(mesh.areas, axis=1), 1e-300)[:, None]
+    nearest = np.empty(len(points))
+    count = max(1, 300_000 // len(a))  # at a time, for the sake of memory
+    for first in range(0, len(points), count):
+        some = points[first : first + count, None]
+        squares = np.full((some.shape[0], len(a)), np.inf)
+        is_over = np.ones(squares.shape, dtype=bool)
+        for start, end in ((a, b), (b, c), (c, a)):
+            way, arm = end - start, some - start
+            share = np.clip(np.einsum("kij,ij->ki", arm, way) / np.maximum((way**2).sum(axis=1), 1e-300), 0.0, 1.0)
+            squares = np.minimum(squares, ((arm - share[:, :, None] * way) ** 2).sum(axis=2))
+            is_over &= np.einsum("kij,ij->ki", arm, np.cross(normals, way)) >= 0.0
+        off = np.einsum("kij,ij->ki", some - a, normals) ** 2
+        nearest[first : first + count] = np.sqrt(np.where(is_over, off, squares).min(axis=1))
+    return nearest
 
 
 def _edges(mesh: Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -242,7 +316,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
     total = float(sizes.sum())
     if total / (PIECE * spacing) ** 2 > MOST_PIECES:
         raise ValueError(f"a spacing of {spacing:g} m is too fine for a surface of {total:.3g} m2")
-    middles, areas, of_triangle = _pieces(mesh, PIECE * spacing)
+    middles, areas, of_triangle = pieces(mesh, PIECE * spacing)
     facing = mesh.areas / np.maximum(sizes, 1e-300)[:, None]
     piece_normals = facing[of_triangle]
 
@@ -278,7 +352,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
     return Surface(points[kept], normals[kept], shares[kept], nothing, nothing)
 
 
-def _pieces(mesh: Mesh, longest: float) -> tuple[Array, Array, NDArray[np.int64]]:
+def pieces(mesh: Mesh, longest: float) -> tuple[Array, Array, NDArray[np.int64]]:
     """Middles [m], areas [m2] and triangles of pieces no longer than `longest` [m]: longest edges are halved."""
     corners, of_triangle = mesh.corners, np.arange(len(mesh.triangles))
     done = []

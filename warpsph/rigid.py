@@ -11,12 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from warpsph.motion import Motion
 from warpsph.outline import Array, Bend, Leg, Line, Outline
+
+if TYPE_CHECKING:
+    from warpsph.mesh import Mesh
 
 # Nodes of Gauss's rule along a leg: with 32 a whole circle's moments are exact to rounding.
 GAUSS_NODES = 32
@@ -82,6 +86,8 @@ class Body:
         mass: See `MassProperties`.
         surface: Its points.
         outline: In 2-D the exact outline, counter-clockwise, for contact.
+        mesh: In 3-D the exact surface, for contact.
+        ball: Centre [m], shape [3], and radius [m] of a sphere, which touches as one and not as its mesh.
         velocity: Of the centre [m/s], shape [3].
         spin: [rad/s], shape [3], positive from z to x about y.
         free_shift, free_turn: 1 where it may move along an axis or turn about it, 0 where that is locked, shape [3].
@@ -95,6 +101,8 @@ class Body:
     mass: MassProperties
     surface: Surface
     outline: Outline | None = None
+    mesh: Mesh | None = None
+    ball: tuple[Array, float] | None = None
     velocity: ArrayLike = (0.0, 0.0, 0.0)
     spin: ArrayLike = (0.0, 0.0, 0.0)
     free_shift: ArrayLike = (1.0, 1.0, 1.0)

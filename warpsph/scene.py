@@ -65,6 +65,12 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
+def _has_length(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(value):
+        raise _fault("a direction is needed, not nothing")
+    return value
+
+
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
@@ -72,6 +78,11 @@ Switch = Annotated[bool, Field(strict=True)]
 Name = Annotated[str, Field(pattern=NAME)]
 Pair = Annotated[tuple[Real, Real], BeforeValidator(_numbers("two numbers [a, b]", 2))]
 Triple = Annotated[tuple[Real, Real, Real], BeforeValidator(_numbers("three numbers [x, y, z]", 3))]
+Direction = Annotated[Triple, AfterValidator(_has_length)]
+Moments = Annotated[
+    Annotated[Positive, Tag("<number>")] | Annotated[tuple[Positive, Positive, Positive], Tag("<triple>")],
+    Discriminator(lambda value: "<triple>" if isinstance(value, (list, tuple)) else "<number>"),
+]
 # A pair in a 2-D scene and a triple in a 3-D one, which only the whole scene can know.
 Point = Annotated[
     Annotated[tuple[Real, Real], Tag("<2>")] | Annotated[tuple[Real, Real, Real], Tag("<3>")],
@@ -585,6 +596,9 @@ class BodyMotion(Part):
         0.0, description="Rate of constant and ramp [degrees/s], amplitude of sine [degrees], counter-clockwise."
     )
     pivot: Point | None = Field(None, description="What it turns about at the start [m]; the centre when absent.")
+    axis: Direction | None = Field(
+        None, description="In 3-D, along what it turns, right-handed [-]; [0, -1, 0] when absent."
+    )
     begin: Real = Field(0.0, description="When it begins [s].")
     period: Positive | None = Field(None, description="Period of sine, and how long ramp takes [s].")
     phase: Real = Field(0.0, description="Phase of sine at its beginning [degrees].")
@@ -632,11 +646,16 @@ class Body(Part):
     shape: Solid = Field(description="Its shape, as drawn [m].")
     at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
     angle: Real = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
+    axis: Direction | None = Field(
+        None, description="In 3-D, along what the drawing is turned, right-handed [-]; [0, -1, 0] when absent."
+    )
     density: Positive | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
     centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
-    inertia: Positive | None = Field(
-        None, description="Moment of inertia about the centre, in 2-D [kg m2/m]; that of the shape when absent."
+    inertia: Moments | None = Field(
+        None,
+        description="Moment of inertia about the centre [kg m2/m], in 3-D the three [Jx, Jy, Jz] along the axes of the "
+        "drawing [kg m2]; that of the shape when absent.",
     )
     velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
     spin: Real | Triple | None = Field(
@@ -883,6 +902,7 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
     spatial: dict[str, Any] = {}  # not in 2-D
     needed: dict[str, Any] = {}  # not in 2-D, and never absent in 3-D
     plane: dict[str, Any] = {}  # not in 3-D
+    scalars: dict[str, tuple[Any, str]] = {}  # have three numbers in 3-D, which are called so
 
     def sort_out(path: str, part: Wall | Shape) -> None:
         if part.box:
@@ -913,9 +933,13 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
         if body.motion:
             points |= {f"{path}.motion.{name}": getattr(body.motion, name) for name in ("shift", "pivot")}
         spatial |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("sphere", "mesh")}
-        spatial[f"{path}.spin"] = body.spin if isinstance(body.spin, tuple) else None
+        spatial |= {
+            f"{path}.{name}": value for name in ("spin", "inertia") if isinstance(value := getattr(body, name), tuple)
+        }
+        spatial[f"{path}.axis"] = body.axis
+        spatial[f"{path}.motion.axis"] = body.motion.axis if body.motion else None
         plane |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("polygon", "disc", "path")}
-        plane |= {f"{path}.spin": None if isinstance(body.spin, tuple) else body.spin, f"{path}.inertia": body.inertia}
+        scalars |= {f"{path}.spin": (body.spin, "[wx, wy, wz]"), f"{path}.inertia": (body.inertia, "[Jx, Jy, Jz]")}
     needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
 
     numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
@@ -926,8 +950,10 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
         yield from ((path, "this field is missing, in a 3-D scene") for path, value in needed.items() if value is None)
         for path, value in plane.items():
             if value is not None:
-                words = "three numbers [wx, wy, wz] are needed" if path.endswith("spin") else "means nothing"
-                yield path, f"{words} in a 3-D scene{'' if path.endswith('spin') else '; it goes with dimensions: 2'}"
+                yield path, "means nothing in a 3-D scene; it goes with 'dimensions: 2'"
+        for path, (value, names) in scalars.items():
+            if value is not None and not isinstance(value, tuple):
+                yield path, f"three numbers {names} are needed in a 3-D scene"
     else:
         for path, value in (spatial | needed).items():
             if value is not None:

@@ -15,13 +15,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpsph import scene as fields
-from warpsph.bodies import ContactLeg, ContactPoints, contact_depth, contact_legs, contact_points, plane_leg
-from warpsph.mesh import Mesh, box_mesh, read_mesh, solid_mass, sphere_mesh, surface_of_mesh, winding_number
-from warpsph.motion import Motion, Table, read_table
+from warpsph.bodies import (
+    ContactLeg,
+    ContactPoints,
+    contact_depth,
+    contact_legs,
+    contact_points,
+    corners_at,
+    edges_at,
+    facet_legs,
+    joined,
+    rotation,
+)
+from warpsph.facets import crate_facets, sheet_edges
+from warpsph.mesh import (
+    Mesh,
+    ball_mass,
+    box_mesh,
+    distance_to_mesh,
+    pieces,
+    read_mesh,
+    solid_mass,
+    sphere_mesh,
+    stood_back,
+    surface_of_mesh,
+    winding_number,
+)
+from warpsph.motion import Motion, read_table
 from warpsph.outline import Array, Bend, Line, Outline, closed_outline, path_legs
 from warpsph.rigid import Body, Surface, counter_clockwise, plane_mass, surface_of_outline
 from warpsph.scene import Scene
-from warpsph.surface import Crate, Sheet, in_plane, in_space
+from warpsph.surface import Crate, Sheet, in_space
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2
@@ -37,7 +61,7 @@ class Solid:
         body: Its mass, motion and contact; the points of its surface stand back from what is drawn, as those of walls.
         drawn: What is drawn of it, in 2-D.
         mesh: The same in 3-D.
-        samples: Points all over what is drawn, a spacing apart [m], shape [n, 3].
+        samples: Points all over what is drawn, a wall's spacing apart [m], shape [n, 3].
     """
 
     body: Body
@@ -51,18 +75,25 @@ class Solid:
         """Whether each of `points` lies inside, shape [n]."""
         if self.drawn is not None:
             return self.drawn.contains(points)
+        if self.body.ball:
+            return np.linalg.norm(points - self.body.ball[0], axis=1) < self.body.ball[1]
         inside = np.all((points > self.mesh.vertices.min(axis=0)) & (points < self.mesh.vertices.max(axis=0)), axis=1)
         inside[inside] = winding_number(self.mesh, points[inside]) > 0.5
         return inside
 
     def distance(self, points: Array) -> Array:
-        """Distance from each of `points` to the surface [m], shape [n]; in 3-D to its nearest sample."""
+        """Distance from each of `points` to the surface [m], shape [n].
+
+        Of a mesh, from points that lie outside of the box around it by more than a third of its size: to the box.
+        """
         if self.drawn is not None:
             return self.drawn.distance(points)
-        gaps = np.empty(len(points))
-        for first in range(0, len(points), 2000):
-            some = slice(first, first + 2000)
-            gaps[some] = np.sqrt(((points[some, None] - self.samples) ** 2).sum(axis=2).min(axis=1))
+        if self.body.ball:
+            return np.abs(np.linalg.norm(points - self.body.ball[0], axis=1) - self.body.ball[1])
+        low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
+        gaps = np.linalg.norm(points - np.clip(points, low, high), axis=1)
+        near = gaps < 0.33 * np.linalg.norm(high - low)
+        gaps[near] = distance_to_mesh(self.mesh, points[near])
         return gaps
 
     def corners(self) -> tuple[Array, list[list[int]]]:
@@ -111,22 +142,22 @@ def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet |
 
 def contact_of_walls(
     scene: Scene, walls: Sequence[Sheet | Crate], sides: Sequence[int]
-) -> tuple[list[ContactLeg], list[ContactPoints]]:
+) -> tuple[list[ContactLeg], ContactPoints]:
     """The walls as contact sees them: as drawn, and free where the fluid is."""
     legs: list[ContactLeg] = []
     points: list[ContactPoints] = []
     depth = contact_depth(scene.smoothing_length)
     for wall, side in zip(walls, sides, strict=True):
-        if isinstance(wall, Crate):
-            for axis, end in wall.sides():
-                inward = np.eye(3)[axis] * (1 - 2 * end) * (side or 1)
-                legs.append(plane_leg((wall.low, wall.high)[end], inward))
-            continue
-        width = max(map(abs, wall.width)) if wall.width else 0.0
         for way in (side,) if side else (1, -1):
-            legs += contact_legs(wall.outline, way, depth, width)
-            points.append(contact_points(wall.outline, way))
-    return legs, points
+            if isinstance(wall, Sheet):
+                legs += contact_legs(wall.outline, way, depth, *([wall.width] if wall.width else []))
+            if isinstance(wall, Sheet) and not wall.width:
+                points.append(contact_points(wall.outline, way))
+                continue
+            found = sheet_edges(wall, way) if isinstance(wall, Sheet) else crate_facets(wall, way, depth)
+            legs += facet_legs(found, depth)
+            points += [corners_at(found.corners), edges_at(found.edges)]
+    return legs, joined(points)
 
 
 def moved_outline(outline: Outline, angle: float, shift: Array) -> Outline:
@@ -156,16 +187,16 @@ def _solid(scene: Scene, path: str, body: fields.Body) -> Solid:
             mass = plane_mass(outline, **given, centre=centre, inertia=body.inertia)
             surface = surface_of_outline(_stood_back(outline, set_back), scene.wall_spacing)
             surface = _with_spines(surface, outline, set_back, scene.wall_spacing)
-            drawn, mesh, samples = Sheet(outline), None, in_space(outline.sample(scene.wall_spacing)[0])
+            drawn, mesh, ball, samples = Sheet(outline), None, None, in_space(outline.sample(scene.wall_spacing)[0])
         else:
             outline, drawn = None, None
-            mesh = _mesh(scene, body.shape, angle, at)
-            centre = None if body.centre is None else _turned_in_space(np.array([body.centre]), angle)[0] + at
-            mass = solid_mass(mesh, **given, centre=centre)
-            surface = surface_of_mesh(mesh, scene.wall_spacing)
-            samples = surface.points
-            back = surface.points - set_back * surface.normals
-            surface = Surface(back, surface.normals, surface.shares, surface.before, surface.after)
+            turn = _turn_in_space(body)
+            mesh, ball = _mesh(body.shape, turn, at)
+            centre = None if body.centre is None else turn @ np.array(body.centre) + at
+            inertia = None if body.inertia is None else turn @ np.diag(body.inertia) @ turn.T
+            given |= {"centre": centre, "inertia": inertia}
+            mass = ball_mass(*ball, **given) if ball else solid_mass(mesh, **given)
+            surface, samples = _surface(scene, body.shape, mesh, ball, turn, at, set_back)
         free_shift, free_turn = _freedom(scene, body)
         return Solid(
             Body(
@@ -173,6 +204,8 @@ def _solid(scene: Scene, path: str, body: fields.Body) -> Solid:
                 mass,
                 surface,
                 outline,
+                mesh,
+                ball,
                 velocity=_in_space(body.velocity),
                 spin=body.spin if isinstance(body.spin, tuple) else (0.0, -(body.spin or 0.0), 0.0),
                 free_shift=free_shift,
@@ -241,14 +274,44 @@ def _with_spines(surface: Surface, outline: Outline, distance: float, spacing: f
     return surface
 
 
-def _mesh(scene: Scene, shape: fields.Solid, angle: float, at: Array) -> Mesh:
+def _mesh(shape: fields.Solid, turn: Array, at: Array) -> tuple[Mesh, tuple[Array, float] | None]:
+    """The surface of a shape in its place; and, of a sphere, centre and radius."""
+    ball = None
     if shape.box:
         mesh = box_mesh(shape.box.min, shape.box.max)
     elif shape.sphere:
         mesh = sphere_mesh(shape.sphere.center, shape.sphere.radius)
+        ball = turn @ np.array(shape.sphere.center) + at, shape.sphere.radius
     else:
         mesh = read_mesh(shape.mesh.file, shape.mesh.scale)
-    return Mesh(_turned_in_space(mesh.vertices, angle) + at, mesh.triangles)
+    return Mesh(mesh.vertices @ turn.T + at, mesh.triangles), ball
+
+
+def _surface(
+    scene: Scene,
+    shape: fields.Solid,
+    mesh: Mesh,
+    ball: tuple[Array, float] | None,
+    turn: Array,
+    at: Array,
+    set_back: float,
+) -> tuple[Surface, Array]:
+    """The points that push the fluid, `set_back` [m] inside of what is drawn, and points all over that [m]."""
+    if shape.box:
+        stood_back(mesh, set_back)  # refuses one that is too thin
+        # On a lattice, as the walls of a tank.
+        low, high = np.array(shape.box.min), np.array(shape.box.max)
+        drawn, inner = Crate(low, high, frozenset()), Crate(low + set_back, high - set_back, frozenset())
+        points, inward, shares = inner.sample(scene.wall_spacing)
+        nothing = np.zeros_like(points)
+        surface = Surface(points @ turn.T + at, -inward @ turn.T, shares, nothing, nothing)
+        return surface, drawn.sample(scene.wall_spacing)[0] @ turn.T + at
+    samples = np.concatenate([mesh.vertices, pieces(mesh, scene.wall_spacing)[0]])
+    if ball is None:
+        return surface_of_mesh(stood_back(mesh, set_back), scene.wall_spacing), samples
+    if ball[1] <= set_back:
+        raise ValueError(f"it is too small: the points that push the fluid stand {set_back:.3g} m inside of it")
+    return surface_of_mesh(sphere_mesh(ball[0], ball[1] - set_back), scene.wall_spacing), samples
 
 
 def _motion(scene: Scene, path: str, motion: fields.BodyMotion) -> Motion:
@@ -258,11 +321,12 @@ def _motion(scene: Scene, path: str, motion: fields.BodyMotion) -> Motion:
             rows = read_table(motion.file)
         except ValueError as error:
             raise scene.error(f"{path}.motion.file", str(error)) from None
-        table = Table(rows.time, rows.shift, -rows.angle)
+        table = rows
     return Motion(
         motion.kind,
         direction=_in_space(motion.shift),
-        turn=-math.radians(motion.turn),
+        turn=math.radians(motion.turn),
+        axis=_axis(motion.axis),
         pivot=None if motion.pivot is None else _in_space(motion.pivot),
         begin=motion.begin,
         period=motion.period or 1.0,
@@ -306,10 +370,15 @@ def _turned(points: Array, angle: float) -> Array:
     return points @ np.array([[c, s], [-s, c]])
 
 
-def _turned_in_space(points: Array, angle: float) -> Array:
-    turned = points.copy()
-    turned[:, [0, 2]] = _turned(in_plane(points), angle)
-    return turned
+def _turn_in_space(body: fields.Body) -> Array:
+    """The matrix of the turn by which a drawing is put in its place, shape [3, 3]."""
+    axis, half = _axis(body.axis), math.radians(0.5 * body.angle)
+    return rotation([*(math.sin(half) * axis / np.linalg.norm(axis)), math.cos(half)])
+
+
+def _axis(axis: Sequence[float] | None) -> Array:
+    """An axis of turning; without one, that about which x-z turns counter-clockwise as one looks at it."""
+    return np.array([0.0, -1.0, 0.0] if axis is None else axis)
 
 
 def _spot(scene: Scene, point: Array) -> str:

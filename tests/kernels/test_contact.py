@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.bodies import BodySet, contact_depth, contact_legs, contact_points, plane_leg, rotation
+from warpsph.bodies import BodySet, contact_depth, contact_legs, contact_points, rotation
 from warpsph.launch import Launcher
-from warpsph.mesh import box_mesh, solid_mass, surface_of_mesh
 from warpsph.outline import Bend, Line, Outline
 from warpsph.rigid import (
     PLANE_SHIFT,
@@ -31,12 +30,11 @@ FLOOR = Outline((Line(np.array([-5.0, 0.0]), np.array([5.0, 0.0])),), closed=Fal
 class Run:
     """Bodies on walls that are drawn with their free side on the left."""
 
-    def __init__(self, device, bodies, wall=None, *, planes=(), dimensions=2, dt=DT, gravity=(0.0, 0.0, -G)):
+    def __init__(self, device, bodies, wall=None, *, dt=DT, gravity=(0.0, 0.0, -G)):
         launcher = Launcher(device, threads=1)
         legs = contact_legs(wall, 1, contact_depth(H)) if wall else []
         points = contact_points(wall, 1) if wall else None
-        options = {"smoothing_length": H, "dimensions": dimensions, "gravity": gravity}
-        self.set = BodySet(launcher, bodies, [*legs, *planes], points, **options)
+        self.set = BodySet(launcher, bodies, legs, points, smoothing_length=H, gravity=gravity)
         self.time = wp.zeros(1, dtype=wp.float64, device=launcher.device)
         self.dt, self.step = wp.array([dt], dtype=float, device=launcher.device), float(np.float32(dt))
         self.stages = [
@@ -391,51 +389,3 @@ def test_overlap_is_put_right_without_a_jump(run):
         top_speed = max(top_speed, np.abs(block.velocity()).max())
     assert -5e-6 < block.corners()[:, 1].min() < 1e-6
     assert top_speed < 1e-6
-
-
-# ---- three dimensions ----
-
-
-@pytest.mark.parametrize(("friction", "stays"), [(0.7, True), (0.3, False)])
-def test_box_on_a_plane_in_space(run, friction, stays):
-    """On a plane that falls at 30 degrees in a direction between x and y."""
-    a, heading = math.radians(30.0), math.radians(35.0)
-    down = np.array([math.cos(a) * math.cos(heading), math.cos(a) * math.sin(heading), -math.sin(a)])
-    normal = np.array([math.sin(a) * math.cos(heading), math.sin(a) * math.sin(heading), math.cos(a)])
-    frame = np.stack([down, np.cross(normal, down), normal], axis=1)
-    box = box_mesh([-0.1, -0.08, 0.0], [0.1, 0.08, 0.06])
-    tilted = type(box)(box.vertices @ frame.T, box.triangles)
-    surface = surface_of_mesh(tilted, 0.03)
-    block = Body("box", solid_mass(tilted, mass=2.0), surface, static_friction=friction, dynamic_friction=friction)
-    sliding = run([block], planes=[plane_leg(np.zeros(3), normal)], dimensions=3)
-    start = sliding.position()
-    sliding(0.5)
-    moved, speed = sliding.position() - start, sliding.velocity()
-    expected = 0.0 if stays else G * (math.sin(a) - friction * math.cos(a))
-    assert speed @ down == pytest.approx(0.5 * expected, rel=TOLERANCE, abs=1e-9)
-    assert np.linalg.norm(moved - moved @ down * down) < 1e-6
-    assert np.abs(sliding.set.spin.numpy()).max() < 1e-6
-
-
-def test_box_dropped_on_a_corner_in_space_comes_to_rest_on_a_face(run):
-    box = box_mesh([-0.06, -0.05, -0.04], [0.06, 0.05, 0.04])
-    c, s = math.cos(0.5), math.sin(0.5)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
-        [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]
-    )
-    tilted = type(box)(box.vertices @ turn.T + [0.0, 0.0, 0.2], box.triangles)
-    block = Body(
-        "box",
-        solid_mass(tilted, mass=1.0),
-        surface_of_mesh(tilted, 0.02),
-        restitution=0.3,
-        static_friction=0.5,
-        dynamic_friction=0.5,
-    )
-    falling = run([block], planes=[plane_leg(np.zeros(3), [0.0, 0.0, 1.0])], dimensions=3)(2.5)
-    corners = (tilted.vertices - block.mass.centre) @ rotation(
-        falling.set.orientation.numpy()[1]
-    ).T + falling.position()
-    heights = np.sort(corners[:, 2])
-    assert np.abs(heights[:4]).max() < 1e-5
-    assert np.abs(falling.velocity()).max() < 1e-6 and np.abs(falling.set.spin.numpy()).max() < 1e-6
