@@ -46,6 +46,11 @@ def alias(array: wp.array, dtype: Any, length: int) -> wp.array:
     return seen
 
 
+def floats(vectors: wp.array) -> wp.array:
+    """Vectors of three as the floats that they are made of."""
+    return alias(vectors, float, 3 * len(vectors))
+
+
 class Launch:
     """A launch that can be repeated by calling it.
 

@@ -5,7 +5,7 @@ import warp as wp
 from warpsph.coupling import Coupling
 from warpsph.kernels import density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
-from warpsph.launch import Launch
+from warpsph.launch import Launch, floats
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.state import BLOCK_SIZE, State
@@ -162,7 +162,7 @@ class Step:
         at_rest = self._launch(
             walls.wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
             *(s.position_volume, s.velocity_pressure, s.fluid),
-            *(m.wall_position, m.wall_velocity, m.wall_normal, m.wall_before, m.wall_after),
+            *(floats(m.wall_position), floats(m.wall_velocity), m.wall_normal, m.wall_before, m.wall_after),
             *(n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
         )
         return [at_rest, self.bodies.push_fluid()] if self.bodies else [at_rest]
