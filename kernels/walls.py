@@ -222,7 +222,7 @@ def friction(parameters: Parameters, nu: float, V_i: float, u_dot_x: float, r: f
 
 
 @cache
-def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False) -> wp.Kernel:
+def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False, dimensions: int = 2) -> wp.Kernel:
     """The loop over wall points. With `moving` the points have velocities, and what they do is added to what is there.
 
     Vasco (2014) eq 63:  du_i/dt = sum_k (f_ik - m_k Pi_ik grad_i W_ik), with m_k = m_i, rho_k = rho_i and Pi of eq 61.
@@ -231,7 +231,7 @@ def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False) -
     slope = SMOOTHING[smoothing].slope
     by_leg = force in BY_LEG
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(dimensions))
     def wall_acceleration(
         first: int,
         parameters: Parameters,

@@ -74,7 +74,7 @@ class Model:
             diffusion=scene.density_diffusion.model,
             tensile_correction=scene.tensile_correction,
             xsph=scene.xsph > 0.0,
-            mixture=len(scene.fluids) > 1,
+            fluid_count=len(scene.fluids),
             dimensions=scene.dimensions,
         )
         self.parameters = self._parameters(scene, placement, materials)

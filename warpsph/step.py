@@ -160,7 +160,9 @@ class Step:
     def _walls(self) -> list[Launch]:
         s, m, n = self.state, self.model, self.neighbours
         at_rest = self._launch(
-            walls.wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
+            walls.wall_acceleration_kernel(
+                m.scene.wall_model.force, m.scene.smoothing.kernel, dimensions=m.scene.dimensions
+            ),
             *(s.position_volume, s.velocity_pressure, s.fluid),
             *(floats(m.wall_position), floats(m.wall_velocity), m.wall_normal, m.wall_before, m.wall_after),
             *(n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
