@@ -11,9 +11,8 @@ from typing import Any
 
 import warp as wp
 
-
-# What one end of a scene costs more than the other, for its walls or its splashes, is shared by threads that take turns:
-# each has so many parts of a launch, if these are not shorter than this.
+# One end of a scene costs more than the other, for its walls or its splashes: threads take turns, and each has so many
+# parts of a launch, if these are not shorter than this.
 TURNS, LONG_TURN = 4, 512
 
 
