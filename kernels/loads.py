@@ -116,7 +116,8 @@ def reaction_kernel(force: str, smoothing: str) -> wp.Kernel:
                         c = parameters.sound_speed[fluid[i]]
                         nu = parameters.wall_alpha[fluid[i]] * c
                         a_ik = law(parameters, c, x_ik, u_ik, n_k, before_k, after_k)
-                        a_ik += friction(parameters, nu, xV_i[3], u_ik, x_ik, r, slope(r * parameters.inverse_h))
+                        u_dot_x, s = wp.dot(u_ik, x_ik), slope(r * parameters.inverse_h)
+                        a_ik += friction(parameters, nu, xV_i[3], u_dot_x, r, s) * x_ik
                         total -= parameters.mass[fluid[i]] * a_ik
         force_out[k] = total
 

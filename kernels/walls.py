@@ -31,37 +31,50 @@ from functools import cache
 import warp as wp
 
 from .parameters import Parameters
+from .rates import compiler_options
 from .smoothing import SMOOTHING
+
+
+@wp.func
+def radial_push(parameters: Parameters, c: float, square: float) -> float:
+    """f_ik / x_ik = K / beta 1 / r^2 W(r/h), W = 1.77/32 (1 + 5 q/2 + 2 q^2) (2 - q)^5, K = strength c^2.
+
+    Vasco (2014) eq 66 with the 1/r^2 that it lost, Monaghan & Kajtar (2009). Their mass factor 2 m_k / (m_i + m_k) is
+    1: a wall point counts as heavy as the particle that it pushes, so that a wall holds light and heavy fluids alike.
+    """
+    r = wp.sqrt(square)
+    q = r * parameters.inverse_h
+    t = wp.max(2.0 - q, 0.0)
+    W = (1.77 / 32.0) * (1.0 + q * (2.5 + 2.0 * q)) * t * t * t * t * t
+    return parameters.wall_strength * c * c * W / wp.max(square, 1.0e-12)
+
+
+@wp.func
+def lennard_jones_push(parameters: Parameters, c: float, square: float) -> float:
+    """f_ik / x_ik = D ((dx/r)^4 - (dx/r)^2) / r^2 for r < dx, else 0; D = strength c^2.
+
+    Vasco (2014) eq 64 with one length in both brackets and the cut-off that it lacks, Monaghan (1994), whose D = g H is
+    c^2 / 100 where c = 10 sqrt(g H). Its length is the fluid's spacing. Along a wall it is rough.
+    """
+    r2 = wp.max(square, 1.0e-12)
+    s = 1.0 / (r2 * parameters.inverse_spacing * parameters.inverse_spacing)
+    return parameters.wall_strength * c * c * wp.max(s * s - s, 0.0) / r2
 
 
 @wp.func
 def radial(
     parameters: Parameters, c: float, x_ik: wp.vec3, u_ik: wp.vec3, n_k: wp.vec3, before_k: wp.vec3, after_k: wp.vec3
 ) -> wp.vec3:
-    """f_ik = K / beta x_ik / r^2 W(r/h), W = 1.77/32 (1 + 5 q/2 + 2 q^2) (2 - q)^5, K = strength c^2.
-
-    Vasco (2014) eq 66 with the 1/r^2 that it lost, Monaghan & Kajtar (2009). Their mass factor 2 m_k / (m_i + m_k) is
-    1: a wall point counts as heavy as the particle that it pushes, so that a wall holds light and heavy fluids alike.
-    """
-    r = wp.sqrt(wp.dot(x_ik, x_ik))
-    q = r * parameters.inverse_h
-    t = wp.max(2.0 - q, 0.0)
-    W = (1.77 / 32.0) * (1.0 + q * (2.5 + 2.0 * q)) * t * t * t * t * t
-    return (parameters.wall_strength * c * c * W / wp.max(r * r, 1.0e-12)) * x_ik
+    """`radial_push` along x_ik."""
+    return radial_push(parameters, c, wp.dot(x_ik, x_ik)) * x_ik
 
 
 @wp.func
 def lennard_jones(
     parameters: Parameters, c: float, x_ik: wp.vec3, u_ik: wp.vec3, n_k: wp.vec3, before_k: wp.vec3, after_k: wp.vec3
 ) -> wp.vec3:
-    """f_ik = D ((dx/r)^4 - (dx/r)^2) x_ik / r^2 for r < dx, else 0; D = strength c^2.
-
-    Vasco (2014) eq 64 with one length in both brackets and the cut-off that it lacks, Monaghan (1994), whose D = g H is
-    c^2 / 100 where c = 10 sqrt(g H). Its length is the fluid's spacing. Along a wall it is rough.
-    """
-    r2 = wp.max(wp.dot(x_ik, x_ik), 1.0e-12)
-    s = 1.0 / (r2 * parameters.inverse_spacing * parameters.inverse_spacing)
-    return (parameters.wall_strength * c * c * wp.max(s * s - s, 0.0) / r2) * x_ik
+    """`lennard_jones_push` along x_ik."""
+    return lennard_jones_push(parameters, c, wp.dot(x_ik, x_ik)) * x_ik
 
 
 @wp.func
@@ -185,39 +198,48 @@ WALL_FORCE: Mapping[str, wp.Function] = {
     "monaghan_kos": monaghan_kos,
     "monaghan_kos_issa": monaghan_kos_issa,
 }
+# Those of distance alone, f_ik / x_ik [1/s2] from r^2 [m2]. A loop over them runs several points at a time.
+WALL_PUSH: Mapping[str, wp.Function] = {"radial": radial_push, "lennard_jones": lennard_jones_push}
 # Laws that need to know which way the wall runs. The others are of distance alone: their strength is divided by the
 # wall points that stand where one fluid particle would.
 BY_LEG = ("monaghan_kos", "monaghan_kos_issa")
 
 
 @wp.func
-def friction(
-    parameters: Parameters, nu: float, V_i: float, u_ik: wp.vec3, x_ik: wp.vec3, r: float, slope: float
-) -> wp.vec3:
-    """- m_k Pi_ik grad_i W_ik with m_k = m_i, rho_k = rho_i and Pi of eq 61 [m/s2]; nu = wall_alpha c, slope = s(q)."""
-    P_ik = -nu * wp.dot(u_ik, x_ik) / wp.max(r, 1.0e-9)
-    return -(V_i * P_ik * parameters.gradient_norm * slope * x_ik)
+def no_push(parameters: Parameters, c: float, square: float) -> float:
+    """Of laws that go by legs there is no part of distance alone."""
+    return 0.0
+
+
+@wp.func
+def friction(parameters: Parameters, nu: float, V_i: float, u_dot_x: float, r: float, slope: float) -> float:
+    """- m_k Pi_ik grad_i W_ik / x_ik with m_k = m_i, rho_k = rho_i and Pi of eq 61 [1/s2].
+
+    nu = wall_alpha c, u_dot_x = u_ik . x_ik, slope = s(q).
+    """
+    P_ik = -nu * u_dot_x / wp.max(r, 1.0e-9)
+    return -(V_i * P_ik * parameters.gradient_norm * slope)
 
 
 @cache
-def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False) -> wp.Kernel:
+def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False, dimensions: int = 2) -> wp.Kernel:
     """The loop over wall points. With `moving` the points have velocities, and what they do is added to what is there.
 
     Vasco (2014) eq 63:  du_i/dt = sum_k (f_ik - m_k Pi_ik grad_i W_ik), with m_k = m_i, rho_k = rho_i and Pi of eq 61.
     """
-    law = WALL_FORCE[force]
+    law, push = WALL_FORCE[force], WALL_PUSH.get(force, no_push)
     slope = SMOOTHING[smoothing].slope
     by_leg = force in BY_LEG
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(dimensions))
     def wall_acceleration(
         first: int,
         parameters: Parameters,
         position_volume: wp.array[wp.vec4],
         velocity_pressure: wp.array[wp.vec4],
         fluid: wp.array[int],
-        wall_position: wp.array[wp.vec3],
-        wall_velocity: wp.array[wp.vec3],
+        wall_position: wp.array[float],
+        wall_velocity: wp.array[float],
         wall_normal: wp.array[wp.vec3],
         wall_before: wp.array[wp.vec3],
         wall_after: wp.array[wp.vec3],
@@ -226,39 +248,52 @@ def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False) -
         wall_acceleration_inout: wp.array[wp.vec3],
         wall_distance_inout: wp.array[float],
     ):
-        """a_i by walls [m/s2], and the distance to the nearest wall point within reach [m]."""
+        """a_i by walls [m/s2], and the distance to the nearest wall point within reach [m].
+
+        Positions and velocities of wall points are three floats each: loaded as vectors they come one at a time.
+        """
         i = first + wp.tid()
         xV_i, up_i = position_volume[i], velocity_pressure[i]
-        x_i, u_ik = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), wp.vec3(up_i[0], up_i[1], up_i[2])
         c = parameters.sound_speed[fluid[i]]
         nu = parameters.wall_alpha[fluid[i]] * c
 
-        by_wall = wp.vec3()
+        a_x, a_y, a_z = float(0.0), float(0.0), float(0.0)
         nearest = parameters.list_radius
-        beyond = parameters.list_radius
         if wp.static(moving):
-            by_wall = wall_acceleration_inout[i]
+            a = wall_acceleration_inout[i]
+            a_x, a_y, a_z = a[0], a[1], a[2]
             nearest = wall_distance_inout[i]
-            if wp.static(by_leg):
-                beyond += 1.0 / parameters.inverse_spacing  # a leg is no longer
-        nothing = wp.vec3()
-        for n in range(wall_first[i], wall_first[i + 1]):
+        # Floats that are not negative have the order of their bits, and the least of integers runs several at a time.
+        least = wp.cast(nearest * nearest, wp.int32)
+        n = wall_first[i]
+        end = wall_first[i + 1]
+        while n < end:
             k = wall_list[n]
-            x_ik = x_i - wall_position[k]
-            r2 = wp.dot(x_ik, x_ik)
+            x, y, z = (
+                xV_i[0] - wall_position[3 * k],
+                xV_i[1] - wall_position[3 * k + 1],
+                xV_i[2] - wall_position[3 * k + 2],
+            )
+            u, v, w = up_i[0], up_i[1], up_i[2]
             if wp.static(moving):
-                # Lists of what moves reach far: most of it is too far away.
-                if r2 >= beyond * beyond:
-                    continue
-                u_ik = wp.vec3(up_i[0], up_i[1], up_i[2]) - wall_velocity[k]
-            r = wp.sqrt(r2)
+                u, v, w = u - wall_velocity[3 * k], v - wall_velocity[3 * k + 1], w - wall_velocity[3 * k + 2]
+            square = x * x + y * y + z * z
+            r = wp.sqrt(square)
+            f = friction(parameters, nu, xV_i[3], u * x + v * y + w * z, r, slope(r * parameters.inverse_h))
             if wp.static(by_leg):
-                by_wall += law(parameters, c, x_ik, u_ik, wall_normal[k], wall_before[k], wall_after[k])
+                x_ik, u_ik = wp.vec3(x, y, z), wp.vec3(u, v, w)
+                f_ik = law(parameters, c, x_ik, u_ik, wall_normal[k], wall_before[k], wall_after[k])
+                a_x += f_ik[0]
+                a_y += f_ik[1]
+                a_z += f_ik[2]
             else:
-                by_wall += law(parameters, c, x_ik, u_ik, nothing, nothing, nothing)
-            by_wall += friction(parameters, nu, xV_i[3], u_ik, x_ik, r, slope(r * parameters.inverse_h))
-            nearest = wp.min(nearest, r)
-        wall_acceleration_inout[i] = by_wall
-        wall_distance_inout[i] = nearest
+                f += push(parameters, c, square)
+            a_x += f * x
+            a_y += f * y
+            a_z += f * z
+            least = wp.min(least, wp.cast(square, wp.int32))
+            n += 1
+        wall_acceleration_inout[i] = wp.vec3(a_x, a_y, a_z)
+        wall_distance_inout[i] = wp.sqrt(wp.cast(least, wp.float32))
 
     return wall_acceleration

@@ -63,3 +63,11 @@ def test_default_is_every_core():
 def test_no_such_device(name):
     with pytest.raises(DeviceError, match=rf"^no device named '{name}' here; Warp finds: cpu"):
         Launcher(name)
+
+
+def test_threads_take_turns():
+    """What costs more at one end is shared: either half of the range is split between the two."""
+    count = 100_000
+    visits, index = (wp.zeros(count, dtype=int, device="cpu") for _ in range(2))
+    Launcher("cpu", 2).record(count_visits, count, [visits, index]).parts[0]()
+    assert visits.numpy()[: count // 2].sum() == visits.numpy()[count // 2 :].sum() == count // 4

@@ -13,7 +13,7 @@ from warpsph.cells import Cells
 from warpsph.geometry import Placement
 from warpsph.kernels import loads
 from warpsph.kernels.walls import wall_acceleration_kernel
-from warpsph.launch import Launch
+from warpsph.launch import Launch, floats
 from warpsph.model import Model
 from warpsph.solids import contact_of_walls
 from warpsph.state import State
@@ -137,7 +137,7 @@ class Coupling:
             m.particle_count,
             [
                 *(m.parameters, s.position_volume, s.velocity_pressure, s.fluid),
-                *(b.point_position, b.point_velocity, b.point_normal, b.point_before, b.point_after),
+                *(floats(b.point_position), floats(b.point_velocity), b.point_normal, b.point_before, b.point_after),
                 *(self.first, self.list, s.wall_acceleration, s.wall_distance),
             ],
         )

@@ -11,6 +11,10 @@ from typing import Any
 
 import warp as wp
 
+# One end of a scene costs more than the other, for its walls or its splashes: threads take turns, and each has so many
+# parts of a launch, if these are not shorter than this.
+TURNS, LONG_TURN = 4, 512
+
 
 class DeviceError(RuntimeError):
     """The device that was asked for is not there."""
@@ -44,6 +48,11 @@ def alias(array: wp.array, dtype: Any, length: int) -> wp.array:
     seen = wp.array(ptr=array.ptr, dtype=dtype, shape=length, device=array.device)
     seen._keep = array  # Warp does not keep the memory that it looks at
     return seen
+
+
+def floats(vectors: wp.array) -> wp.array:
+    """Vectors of three as the floats that they are made of."""
+    return alias(vectors, float, 3 * len(vectors))
 
 
 class Launch:
@@ -106,12 +115,15 @@ class Launcher:
         of entries worth waking a thread for.
         """
         parts = self.threads if count >= grain * self.threads else 1
-        edges = [count * part // parts for part in range(parts + 1)]
+        turns = TURNS if parts > 1 and count >= LONG_TURN * TURNS * parts else 1
+        edges = [count * part // (parts * turns) for part in range(parts * turns + 1)]
         commands = [
             wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments], device=self.device, record_cmd=True).launch
             for begin, end in pairwise(edges)
         ]
-        return Launch(commands, self._pool)
+        if turns == 1:
+            return Launch(commands, self._pool)
+        return Launch([partial(_run_all, commands[part::parts]) for part in range(parts)], self._pool)
 
     def chain(self, *launches: "Launch") -> "Launch":
         """Launches in one go: each thread runs its parts of all of them before threads meet.

@@ -83,7 +83,7 @@ class Model:
             tensile_correction=scene.tensile_correction,
             xsph=scene.xsph > 0.0,
             renormalised=scene.continuity == "renormalised",
-            mixture=len(scene.fluids) > 1,
+            fluid_count=len(scene.fluids),
             dimensions=scene.dimensions,
         )
         self.parameters = self._parameters(scene, placement, materials)

@@ -9,7 +9,7 @@ from warpsph.coupling import Coupling
 from warpsph.kernels import corrections, density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
-from warpsph.launch import Launch
+from warpsph.launch import Launch, floats
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.state import BLOCK_SIZE, State
@@ -290,9 +290,11 @@ class Step:
     def _walls(self) -> list[Launch]:
         s, m, n = self.state, self.model, self.neighbours
         at_rest = self._launch(
-            walls.wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
+            walls.wall_acceleration_kernel(
+                m.scene.wall_model.force, m.scene.smoothing.kernel, dimensions=m.scene.dimensions
+            ),
             *(s.position_volume, s.velocity_pressure, s.fluid),
-            *(m.wall_position, m.wall_velocity, m.wall_normal, m.wall_before, m.wall_after),
+            *(floats(m.wall_position), floats(m.wall_velocity), m.wall_normal, m.wall_before, m.wall_after),
             *(n.wall_first, n.wall_list, s.wall_acceleration, s.wall_distance),
         )
         return [at_rest, self.bodies.push_fluid()] if self.bodies else [at_rest]

@@ -46,7 +46,7 @@ HALVES = [(True, True), (True, False), (False, True)]
 # Each formula once in full; what is left out costs no term.
 FORMULAS = [
     *(Formulas(smoothing=name, xsph=True, tensile_correction=True) for name in SMOOTHING),
-    *(Formulas(viscosity=name, mixture=False, dimensions=2) for name in VISCOSITY),
+    *(Formulas(viscosity=name, fluid_count=1, dimensions=2) for name in VISCOSITY),
     *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
     *(Formulas(renormalised=True, dimensions=dimensions) for dimensions in (2, 3)),
 ]

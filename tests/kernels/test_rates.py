@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.kernels.rates import one_of_three, one_of_two
+
 # Sums of some thirty terms that nearly cancel, in single precision and in any order: relative to the largest value.
 TOLERANCE = 1e-5
 
@@ -32,7 +34,27 @@ def test_one_fluid_needs_no_look_at_its_neighbours(make_cloud, lattice):
     x = lattice(9, 9) * [1.0, 1.0, 0.9]
     p = 1000.0 * np.sin(7.0 * x[:, 0] + 3.0 * x[:, 2])
     cloud = make_cloud(x, u=np.cos(5.0 * x[:, ::-1]) * [1, 0, 1], p=p, fluid=1, diffusion=0.1, xsph=0.5)
-    assert_same(cloud.rates(mixture=False, **FORMULAS), cloud.rates(mixture=True, **FORMULAS))
+    assert_same(cloud.rates(fluid_count=1, **FORMULAS), cloud.rates(fluid_count=0, **FORMULAS))
+
+
+def test_numbers_of_two_fluids_are_those_looked_up(mixture):
+    cloud = mixture(diffusion=0.1, xsph=0.5)
+    assert_same(cloud.rates(fluid_count=2, **FORMULAS), cloud.rates(fluid_count=0, **FORMULAS))
+
+
+@wp.kernel(enable_backward=False)
+def choose_all(first: int, values: wp.array[float], two_out: wp.array[float], three_out: wp.array[float]):
+    i = first + wp.tid()
+    two_out[i] = one_of_two(values, wp.min(i, 1))
+    three_out[i] = one_of_three(values, i)
+
+
+def test_each_fluid_has_its_number(device):
+    values = wp.array([5.0, 6.0, 7.0], dtype=float, device=device)
+    two, three = (wp.zeros(3, dtype=float, device=device) for _ in range(2))
+    wp.launch(choose_all, 3, [0, values, two, three], device=device)
+    assert two.numpy().tolist() == [5.0, 6.0, 6.0]
+    assert three.numpy().tolist() == [5.0, 6.0, 7.0]
 
 
 def test_what_is_switched_off_is_zero(mixture):

@@ -39,7 +39,8 @@ def push(make_cloud):
         n, k = len(x), len(wall[0])
         inputs = [
             *(cloud.position_volume, cloud.velocity_pressure, cloud.fluids),
-            *(cloud.array(a, wp.vec3) for a in wall),
+            *(cloud.array(a.ravel(), float) for a in wall[:2]),
+            *(cloud.array(a, wp.vec3) for a in wall[2:]),
             *(cloud.array(k * np.arange(n + 1), int), cloud.array(np.tile(np.arange(k), n), int)),
         ]
         found, _ = cloud.run(wall_acceleration_kernel(name, "wendland_c2"), inputs, [wp.vec3, float])

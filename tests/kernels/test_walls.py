@@ -30,9 +30,9 @@ def push(make_cloud):
         n, k = len(cloud.x), len(wall)
         before, after = np.roll(wall, 1, axis=0) - wall, np.roll(wall, -1, axis=0) - wall
         before[0] = after[-1] = 0.0
-        arrays = [
-            cloud.array(np.broadcast_to(values, (k, 3)), wp.vec3) for values in (wall, wall_u, 0.0, before, after)
-        ]
+        vectors = [np.broadcast_to(values, (k, 3)) for values in (wall, wall_u, 0.0, before, after)]
+        arrays = [cloud.array(values.ravel(), float) for values in vectors[:2]]
+        arrays += [cloud.array(values, wp.vec3) for values in vectors[2:]]
         arrays += [cloud.array(k * np.arange(n + 1), int), cloud.array(np.tile(np.arange(k), n), int)]
         found = [cloud.array(np.zeros((n, 3)), wp.vec3), cloud.array(np.full(n, 1e9), float)]
         kernel = wall_acceleration_kernel(force, "wendland_c2", moving=repeats is not None)
