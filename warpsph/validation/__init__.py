@@ -19,6 +19,25 @@ from warpsph.validation.bodies import measure_floating_box, measure_floating_box
 from warpsph.validation.landslide import measure_landslide
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
+from warpsph.validation.viscous import (
+    COUETTE_TIMES,
+    DAM_BREAKS,
+    FREE_SURFACE,
+    HERSCHEL_BULKLEY,
+    PATCH,
+    PLANE_TIMES,
+    SHEAR,
+    measure_arrest,
+    measure_bingham_plane,
+    measure_couette,
+    measure_dam_breaks,
+    measure_free_surface,
+    measure_herschel_bulkley,
+    measure_interpolation,
+    measure_periodic_shear,
+    measure_plane_poiseuille,
+    until,
+)
 from warpsph.validation.wedge_entry import measure_wedge_entry
 
 # A series leaves out what nobody looks at.
@@ -76,6 +95,21 @@ CASES: Mapping[str, Case | Series] = {
         _releases((0.9, 1.2, 1.5, 1.8, 2.1), 10.0),
         measure_mki_series,
     ),
+    "interpolation": Series("f = x + z on a patch of particles", "interpolation", PATCH, measure_interpolation),
+    "periodic_shear": Series("a shear wave decays", "periodic_shear", SHEAR, measure_periodic_shear),
+    "poiseuille_free_surface": Series(
+        "a layer on a slope, resolutions and wall rules", "poiseuille_free_surface", FREE_SURFACE, measure_free_surface
+    ),
+    "poiseuille_plane": Series(
+        "flow between plates, from rest", "poiseuille_plane", until(PLANE_TIMES), measure_plane_poiseuille
+    ),
+    "couette": Series("flow below a moving plate, from rest", "couette", until(COUETTE_TIMES), measure_couette),
+    "viscous_dam_break": Series("syrups let go", "viscous_dam_break", DAM_BREAKS, measure_dam_breaks),
+    "herschel_bulkley": Series(
+        "muds on a slope flow steadily", "herschel_bulkley", HERSCHEL_BULKLEY, measure_herschel_bulkley
+    ),
+    "bingham_plane": Case("a Bingham mud between plates flows steadily", measure_bingham_plane),
+    "viscoplastic_dam_break": Case("a mud let go stops", measure_arrest),
 }
 
 
