@@ -173,8 +173,9 @@ def velocity_gradient_kernel(
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         velocity_gradient_out: wp.array[wp.mat33],
+        second_moment_out: wp.array[float],
     ):
-        """L_i [1/s], whatever is packed behind the velocity; `place` is `position_volume` as vectors."""
+        """L_i [1/s], and tr M_i / d. Behind the velocity anything may be packed; `place` is `position_volume`."""
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
 
@@ -231,6 +232,7 @@ def velocity_gradient_kernel(
                 k += stride
         n = parameters.gradient_norm
         velocity_gradient_out[i] = (n * L) * renormalisation(n * M)
+        second_moment_out[i] = n * wp.trace(M) / float(parameters.dimensions)
 
     return velocity_gradient
 
@@ -422,6 +424,28 @@ def newtonian_viscosity(first: int, rheology: Rheology, fluid: wp.array[int], vi
     """mu_i [Pa s] of fluids that have but one."""
     i = first + wp.tid()
     viscosity_out[i] = rheology.consistency[fluid[i]]
+
+
+# Second moments less than the first of these are those of a surface, and more than the second of the inside.
+SURFACE_MOMENT = wp.constant(0.85)
+INNER_MOMENT = wp.constant(0.95)
+
+
+@wp.kernel(enable_backward=False)
+def normalised_viscosity(
+    first: int, second_moment: wp.array[float], viscosity: wp.array[float], normalised_viscosity_out: wp.array[float]
+):
+    """mu_i over tr M_i / d, M = sum_j V_j (x_j - x_i) (x) grad_i W_ij of eq 54 [Pa s].
+
+    All forms see a viscosity that is this moment too great, for it is what a parabola adds up to. It is 1 but for the
+    sum over a lattice instead of an integral, and for volumes that are not those which particles fill: hydrostatic
+    density on an even lattice makes them too small. At a surface, where half of the neighbours are missing, the moment
+    says nothing of the kind, and mu is left as it is.
+    """
+    i = first + wp.tid()
+    moment = second_moment[i]
+    inside = wp.clamp((moment - SURFACE_MOMENT) / (INNER_MOMENT - SURFACE_MOMENT), 0.0, 1.0)
+    normalised_viscosity_out[i] = viscosity[i] * (1.0 + inside * (1.0 / wp.max(moment, SURFACE_MOMENT) - 1.0))
 
 
 @wp.kernel(enable_backward=False)

@@ -177,15 +177,16 @@ def wall(name: str, z: float, up: int, speed: float = 0.0) -> str:
 @pytest.mark.parametrize(
     ("overrides", "error"),
     [
-        ([], 0.015),
-        (["materials.oil.dynamic_viscosity=1000.0"], 0.015),
-        (["laminar.form=stress"], 0.015),
+        ([], 0.007),
+        (["materials.oil.dynamic_viscosity=1000.0"], 0.008),
+        (["laminar.form=stress"], 0.007),
+        (["spacing=0.015625", "laminar.form=stress"], 0.002),
         (["laminar.form=cleary", "smoothing.ratio=2.5"], 0.03),
     ],
-    ids=["explicit", "stages", "stress", "cleary"],
+    ids=["explicit", "stages", "stress", "finer", "cleary"],
 )
 def test_shear_wave_decays(make_scene, device, overrides, error):
-    """u = exp(-nu k^2 t) sin k z in a periodic box, at 32 particles a wave, over which smoothing takes 1 %."""
+    """u = exp(-nu k^2 t) sin k z in a periodic box, at 32 particles a wave and at 64; what is left is smoothed."""
     scene = make_scene(CHANNEL, f"images=[{ALONG}, {UP}]", *overrides)
     placement = place(scene)
     k = 2.0 * np.pi
@@ -202,7 +203,10 @@ def test_shear_wave_decays(make_scene, device, overrides, error):
 @every_form
 @pytest.mark.parametrize("flow", ["couette", "poiseuille"])
 def test_flow_between_walls(make_scene, device, form, flow):
-    """Profiles on their way to the steady state, root mean square over the largest: 2 %, `cleary` on a wider kernel."""
+    """Profiles on their way to the steady state, root mean square over the largest, at 32 particles across: 0.5 %.
+
+    `cleary` is 3 % off, though on a wider kernel: its sum over a lattice depends on the direction.
+    """
     lid = wall("lid", 1.0, -1, 0.1 if flow == "couette" else 0.0)
     force = [] if flow == "couette" else ["body_force=[0.5, 0.0]"]
     wider = ["smoothing.ratio=2.5"] if form == "cleary" else []
@@ -217,4 +221,6 @@ def test_flow_between_walls(make_scene, device, form, flow):
             exact = couette(z, time, height=1.0, speed=0.1, viscosity=0.5)
         else:
             exact = poiseuille(z, time, height=1.0, acceleration=0.5, viscosity=0.5)
-        assert np.sqrt(np.mean((found.velocity[:, 0] - exact) ** 2)) < 0.02 * exact.max()
+        assert (
+            np.sqrt(np.mean((found.velocity[:, 0] - exact) ** 2)) < (0.03 if form == "cleary" else 0.005) * exact.max()
+        )

@@ -24,7 +24,8 @@ class Viscosity:
 
     Attributes:
         velocity_viscosity: What the sweeps read, (u, v, w, mu), in a plane (u, x, w, mu); two in turn with stages.
-        viscosity: mu_i [Pa s].
+        material_viscosity: mu_i [Pa s].
+        viscosity: The same over the second moment of W around the particle [Pa s].
         rate: L [m/s2], of the first stage and of the last.
         mean_rate: Of the stages so far [m/s2], two in turn.
     """
@@ -38,10 +39,11 @@ class Viscosity:
             return wp.zeros(count if wanted else 1, dtype=dtype, device=device)
 
         self.velocity_viscosity = (zeros(wp.vec4), zeros(wp.vec4, by_stages))
-        self.viscosity = state.apparent_viscosity if model.viscous.law else zeros(float)
+        self.material_viscosity = state.apparent_viscosity if model.viscous.law else zeros(float)
+        self.viscosity, self.second_moment = zeros(float), zeros(float)
         self.rate = (zeros(wp.vec3), zeros(wp.vec3, by_stages))
         self.mean_rate = (zeros(wp.vec3, by_stages), zeros(wp.vec3, by_stages))
-        self.velocity_gradient = zeros(wp.mat33, bool(model.viscous.law) or by_stress)
+        self.velocity_gradient = zeros(wp.mat33)
         rows = 1 if model.formulas.dimensions == 2 else 3
         self.stress = wp.zeros(rows * count if by_stress else 1, dtype=wp.vec4, device=device)
         self._images = model.images or Images()
@@ -50,7 +52,8 @@ class Viscosity:
     def arrays(self) -> list[wp.array]:
         """What it has allocated."""
         mine = [*self.velocity_viscosity, *self.rate, *self.mean_rate, self.velocity_gradient, self.stress]
-        return mine if self.model.viscous.law else [*mine, self.viscosity]
+        mine += [self.viscosity, self.second_moment]
+        return mine if self.model.viscous.law else [*mine, self.material_viscosity]
 
     def prepare(self) -> list[Launch]:
         """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads."""
@@ -61,19 +64,21 @@ class Viscosity:
             start = self._record(
                 laminar.start_stages, m.parameters, s.position_volume, s.velocity, self.viscosity, packed
             )
-        return [*self.apparent(), start]
+        normalise = self._record(
+            laminar.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
+        )
+        return [*self.apparent(), normalise, start]
 
     def apparent(self) -> list[Launch]:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
         m, s = self.model, self.state
+        gradient = self._gradient(s.velocity_pressure)
         if m.viscous.law is None:
-            return [self._record(laminar.newtonian_viscosity, m.viscous.rheology, s.fluid, self.viscosity)]
+            constant = [m.viscous.rheology, s.fluid, self.material_viscosity]
+            return [gradient, self._record(laminar.newtonian_viscosity, *constant)]
         law = apparent_viscosity_kernel(m.viscous.law, m.viscous.regularisation)
         numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
-        return [
-            self._gradient(s.velocity_pressure),
-            self._record(law, *numbers, self.viscosity, s.yielded),
-        ]
+        return [gradient, self._record(law, *numbers, self.material_viscosity, s.yielded)]
 
     def stages(self, share: float = 1.0) -> dict[str, Launch | Callable[[], None]]:
         """Launches that add the acceleration by viscosity to `state.dissipative_acceleration`, in order.
@@ -138,7 +143,9 @@ class Viscosity:
         kernel = laminar.velocity_gradient_kernel(
             m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
         )
-        return self._record(kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient)
+        return self._record(
+            kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient, self.second_moment
+        )
 
     def _read(self, packed_velocity: wp.array) -> list[object]:
         """What the pair loops of velocity begin with."""
