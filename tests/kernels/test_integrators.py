@@ -15,7 +15,14 @@ SPACING, RATIO = 0.1, 1.5
 H = RATIO * SPACING
 SOUND_SPEED = 20.0  # of the first fluid of a cloud [m/s]
 BOX = {"lower": wp.vec3(-50.0, -1.0, -50.0), "upper": wp.vec3(50.0, 1.0, math.inf)}
-SAFE = {"courant": 0.5, "least_compression": 0.5, "most_compression": 2.0, "gravity": wp.vec3(), "alpha": [0.0, 0.0]}
+SAFE = {
+    "dimensions": 3,
+    "courant": 0.5,
+    "least_compression": 0.5,
+    "most_compression": 2.0,
+    "gravity": wp.vec3(),
+    "alpha": [0.0, 0.0],
+}
 
 DRIFT = {
     "velocity": wp.vec3,
