@@ -73,7 +73,6 @@ class Cloud:
     def _parameters(self, spacing: float, by_column: bool, numbers: dict) -> Parameters:
         n, kernel = len(self.x), SMOOTHING[self.smoothing]
         p = Parameters()
-        p.dimensions = 2
         p.smoothing_length, p.inverse_h = self.h, 1.0 / self.h
         p.kernel_norm = kernel.normalisation[2] / self.h**2
         p.gradient_norm = p.kernel_norm / self.h**2

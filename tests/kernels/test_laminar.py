@@ -29,6 +29,12 @@ every_smoothing = pytest.mark.parametrize("smoothing", SMOOTHING)
 every_form = pytest.mark.parametrize("form", [*LAMINAR, "stress"])
 
 
+@pytest.fixture
+def make_cloud(make_cloud):
+    """Clouds that are told that they lie in a plane."""
+    return lambda x, **fields: make_cloud(x, **({"dimensions": 2} | fields))
+
+
 class Beyond:
     """Ghosts of a cloud, made by hand; of none when nothing is given.
 
