@@ -21,7 +21,7 @@ from .corrections import renormalisation
 from .images import Images, velocity_beyond
 from .parameters import Parameters
 from .rates import CPU_LAYOUT, Layout, compiler_options, high, low
-from .rheology import Rheology
+from .rheology import Rheology, deviator, magnitude
 from .smoothing import SMOOTHING
 
 # ------------------------------------------------------------------------------------------------------ pair forms
@@ -235,6 +235,76 @@ def velocity_gradient_kernel(
         second_moment_out[i] = n * wp.trace(M) / float(parameters.dimensions)
 
     return velocity_gradient
+
+
+@cache
+def yielding_kernel(
+    smoothing: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+) -> wp.Kernel:
+    """The pair loop of the stress that acts between pairs, and whether it is above the yield stress.
+
+        T_i = D'(sum_j V_j mu_ij (u_j - u_i) (x) grad_i W_ij B_i),    yielded: sqrt(T : T / 2) > tau_y
+
+    with mu_ij of MEAN. Across the edge of a plug the stress is smooth, and the rate of shear is not: a rate that is
+    summed over neighbours on both sides melts the edge of the plug in, the stress of the same pairs does not.
+    """
+    slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
+    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def find_yielding(
+        first: int,
+        parameters: Parameters,
+        images: Images,
+        particle_count: int,
+        position_volume: wp.array[packed],
+        packed_velocity: wp.array[packed],
+        place: wp.array[wp.vec4],
+        fluid: wp.array[int],
+        inner_count: wp.array[int],
+        neighbour_count: wp.array[int],
+        neighbour_list: wp.array[int],
+        ghost_source: wp.array[int],
+        ghost_image: wp.array[int],
+        viscosity: wp.array[float],
+        yield_stress: wp.array[float],
+        yielded_out: wp.array[int],
+    ):
+        """1 where the fluid flows, 0 where it is a plug: tau <= tau_y, Vasco (2014) eq 104."""
+        i = first + wp.tid()
+        x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
+        x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+        G = wp.mat33()
+        M = wp.mat33()
+        stride = parameters.column_stride if wp.static(by_column) else 1
+        row = i * parameters.row_stride
+        for k in range(inner_count[i]):
+            j = neighbour_list[row + k * stride]
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
+            x_ij, u_ij = x_vec - wp.vec3(x_j, y_j, z_j), u_vec - wp.vec3(u_j, v_j, w_j)
+            s = V_j * slope(wp.length(x_ij) * parameters.inverse_h)
+            G -= s * between(viscosity[i], viscosity[j]) * wp.outer(u_ij, x_ij)
+            M -= s * wp.outer(x_ij, x_ij)
+        if wp.static(with_images):
+            for k in range(inner_count[i], neighbour_count[i]):
+                j = neighbour_list[row + k * stride]
+                g = j - particle_count
+                source = ghost_source[g]
+                xV_g = place[j]
+                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, source)
+                u_g = velocity_beyond(
+                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                )
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                s = xV_g[3] * slope(wp.length(x_ig) * parameters.inverse_h)
+                G -= s * between(viscosity[i], viscosity[source]) * wp.outer(u_vec - u_g, x_ig)
+                M -= s * wp.outer(x_ig, x_ig)
+        n = parameters.gradient_norm
+        tau = magnitude(deviator((n * G) * renormalisation(n * M), parameters.dimensions))
+        tau_y = yield_stress[fluid[i]]
+        yielded_out[i] = wp.where(tau_y > 0.0 and tau <= tau_y, 0, 1)
+
+    return find_yielding
 
 
 @wp.func

@@ -146,15 +146,12 @@ def apparent_viscosity_kernel(law: str, regularisation: str) -> wp.Kernel:
         velocity_gradient: wp.array[wp.mat33],
         dimensions: int,
         viscosity_out: wp.array[float],
-        yielded_out: wp.array[int],
     ):
-        """mu_i [Pa s]; and 1 where the fluid flows, 0 where it is a plug: tau <= tau_y (Vasco 2014, eq 104)."""
+        """mu_i [Pa s]."""
         i = first + wp.tid()
         f = fluid[i]
         rate = magnitude(deviator(velocity_gradient[i], dimensions))
         part = parts(rheology, f, rate)
-        mu = regularised(part[0], part[1], rheology.viscosity_max[f], rate)
-        viscosity_out[i] = mu
-        yielded_out[i] = wp.where(part[1] > 0.0 and mu * rate <= part[1], 0, 1)
+        viscosity_out[i] = regularised(part[0], part[1], rheology.viscosity_max[f], rate)
 
     return apparent_viscosity

@@ -96,8 +96,9 @@ class Step:
 
     def _find_viscosity(self) -> None:
         """For who looks at it before the first step."""
-        for launch in self.viscosity.apparent() if self.viscosity else ():
-            launch()
+        if self.viscosity:
+            for launch in (*self.viscosity.apparent(), *self.viscosity.yielding().values()):
+                launch()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""

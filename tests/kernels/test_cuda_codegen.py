@@ -25,6 +25,7 @@ from warpsph.kernels.laminar import (
     stress_acceleration_kernel,
     transposed_stress_kernel,
     velocity_gradient_kernel,
+    yielding_kernel,
 )
 from warpsph.kernels.loads import reaction_kernel
 from warpsph.kernels.neighbours import gather_kernel, list_kernel
@@ -76,6 +77,10 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
     ],
     transposed_stress_kernel: [(2,), (3,)],
+    yielding_kernel: [
+        *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
+        *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+    ],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
 }
