@@ -17,6 +17,7 @@ from warpsph.validation.result import Result, against, at_most
 
 MACIEL = "Maciel & Nascimento (2002) in Vasco (2014) 7.2.5.2"
 MKI = "Monaghan, Kos & Issa (2003) in Vasco (2014) 7.2.5.1"
+NO_WAVE = Result("blocks that sank and made a wave at both gauges", "", 0, 1, passed=False, source="it must")
 NASCIMENTO = "between 1 and 14 %: Nascimento (2001)"
 
 
@@ -46,8 +47,8 @@ class Slide:
     gap: float
 
 
-def slide_of(run: Run) -> Slide:
-    """From the records of a finished run, and its last state."""
+def slide_of(run: Run) -> Slide | None:
+    """From the records of a finished run, and its last state; None if no block sank, or no wave passed both gauges."""
     scene, simulation = run.scene, run.simulation
     fill = next(fluid for fluid in scene.fluids if fluid.fill)
     depth, density = fill.fill.level, scene.materials[fill.material].density
@@ -58,6 +59,8 @@ def slide_of(run: Run) -> Slide:
     near, far = scene.gauges[-2:]
     records = [tuple(read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()) for gauge in (near, far)]
     first, last = (find_wave(time, level - level[0], **about, density=density) for time, level in records)
+    if impact is None or first is None or last is None:
+        return None
     c = solitary_celerity(
         depth=depth, amplitude=0.5 * (first.fit.amplitude + last.fit.amplitude), gravity=scene.gravity
     )
@@ -83,6 +86,8 @@ def slide_of(run: Run) -> Slide:
 def measure_block_maciel(run: Run) -> list[Result]:
     """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m."""
     slide, far = slide_of(run), run.scene.gauges[-1].name
+    if slide is None:
+        return [NO_WAVE]
     amplitude, r2 = slide.amplitude, slide.waves[1].fit.r2
     source = f"between 0.03 and 0.05 m: {MACIEL}"
     return [
@@ -105,6 +110,8 @@ def measure_block_maciel(run: Run) -> list[Result]:
 def measure_block_mki(run: Run) -> list[Result]:
     """Bars: energy of the wave 1 to 14 % of the block's; see the series for how the wave grows with the speed."""
     slide, far = slide_of(run), run.scene.gauges[-1].name
+    if slide is None:
+        return [NO_WAVE]
     return [
         Result("Froude number of the impact", "", slide.impact.froude, None, source="computed"),
         Result(f"crest amplitude at {far}", "m", slide.amplitude, None, source="computed"),
@@ -138,7 +145,10 @@ def _measure_series(
     runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[Slide], float], source: str
 ) -> list[Result]:
     """One line for each speed, and whether amplitudes grow with the Froude number; the curve goes to `folder`."""
-    slides = sorted((slide_of(run) for run in runs), key=lambda slide: slide.impact.froude)
+    found = [slide_of(run) for run in runs]
+    if None in found:
+        return [NO_WAVE]
+    slides = sorted(found, key=lambda slide: slide.impact.froude)
     froude, heights = [s.impact.froude for s in slides], [amplitude(s) for s in slides]
     depth = next(fluid.fill.level for fluid in runs[0].scene.fluids if fluid.fill)
     draw_series(froude, np.array(heights) / depth, f"{name} / depth", folder / "amplitude.png")
