@@ -31,7 +31,8 @@ class Slide:
         amplitude: Of the crest at the last gauge [m].
         reflected: Amplitude of the highest crest that came back to it from the end of the flume [m]; nan if none did.
         celerity, expected: Of the crest between the gauges, and of a solitary wave as high as that [m/s].
-        share: Energy of the wave at the last gauge over that of the impact.
+        share: Energy of the wave at the last gauge over the kinetic energy of the impact.
+        share_of_all: The same over all the energy that the block lost, to water and to friction, since its release.
         inside: Particles in the block.
         gap: From the centre of the block to the nearest point of a wall [m].
     """
@@ -43,6 +44,7 @@ class Slide:
     celerity: float
     expected: float
     share: float
+    share_of_all: float
     inside: int
     gap: float
 
@@ -66,6 +68,8 @@ def slide_of(run: Run) -> Slide | None:
     )
     walls = simulation.placement.wall_position
     centre = simulation.bodies.set.position.numpy()[1]
+    energy = read_record(run.folder / "energy.csv")
+    of_block = energy["bodies kinetic [J/m]"] + energy["bodies potential [J/m]"]
     time, level = records[1]
     # The crest comes back after twice the way to the end of the flume: look from half of that on.
     back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
@@ -78,6 +82,7 @@ def slide_of(run: Run) -> Slide | None:
         celerity(first, last, far.x - near.x),
         c,
         (last.kinetic + last.potential) / impact.energy,
+        (last.kinetic + last.potential) / float(of_block[0] - of_block[-1]),
         int(simulation.bodies.holds(simulation.state.snapshot().position).sum()),
         float(np.linalg.norm(walls - centre, axis=1).min()),
     )
@@ -126,6 +131,7 @@ def _sound(slide: Slide) -> list[Result]:
     within = 0.01 <= slide.share <= 0.14
     return [
         Result("energy of the wave over that of the block", "", slide.share, None, passed=within, source=NASCIMENTO),
+        Result("the same over all that the block lost", "", slide.share_of_all, None, source="computed"),
         at_most("particles in the block", "", slide.inside, 0, "no leak"),
         Result("block from the wall", "m", slide.gap, None, passed=slide.gap < 0.2, source="it stays in the flume"),
     ]
