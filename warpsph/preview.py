@@ -1,29 +1,34 @@
 """Pictures of a run: a frame of particles, an animation of frames, the gauge records, a sheet of frames.
 
-Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and without pyplot's global state.
+Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and without pyplot's global state; particles by
+a kernel, into the pixels of that canvas.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+import struct
 import subprocess
+import zlib
 from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
+import warp as wp
 from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from PIL import Image, ImageDraw, ImageFont
 
 from warpsph.bodies import rotation
+from warpsph.kernels.pictures import paint_discs
 from warpsph.records import find_crest, read_record
 
 if TYPE_CHECKING:
@@ -112,17 +117,9 @@ class FrameWriter:
         self._figure, axes, legend = _lay_out(window, fluid_count=len(fluids))
         self._canvas = FigureCanvasAgg(self._figure)
         _draw_legend(legend, list(fluids), self._shades, speed_scale)
-        pixels = spacing * axes.bbox.width / (window[0][1] - window[0][0])
-        diameter = spacing if pixels >= SMALLEST_DISC else 2.0**0.5 * spacing
-        self._particles = EllipseCollection(
-            widths=diameter,
-            heights=diameter,
-            angles=0.0,
-            units="xy",
-            offsets=np.empty((0, 2)),
-            offset_transform=axes.transData,
-            linewidths=0.0,
-        )
+        self._scale = axes.bbox.width / (window[0][1] - window[0][0])  # [px/m]
+        pixels = spacing * self._scale
+        self._radius = 0.5 * (pixels if pixels >= SMALLEST_DISC else 2.0**0.5 * pixels)
         self._walls = LineCollection(walls, colors=INK, linewidths=1.5, capstyle="round")
         self._drawn_bodies = list(bodies)
         self._bodies = [
@@ -134,7 +131,6 @@ class FrameWriter:
             )
             for body in bodies
         ]
-        axes.add_collection(self._particles, autolim=False)
         for body in self._bodies:
             axes.add_collection(body, autolim=False)
         axes.add_collection(self._walls, autolim=False)
@@ -143,11 +139,17 @@ class FrameWriter:
         heading.set_fontsize(13 * min(1.0, (width - left - RIGHT) / heading.get_window_extent().width))
         self._time = self._figure.text(left, axes.bbox.y1 + 14, "", fontsize=13, color=INK, transform=None)
 
-        self._moving = (self._particles, *self._bodies, self._walls, self._time)
+        self._moving = (*self._bodies, self._walls, self._time)
         for artist in self._moving:
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+        self._pixels = np.asarray(self._canvas.buffer_rgba())  # the canvas's own memory
+        top = len(self._pixels) - axes.bbox.y1
+        self._origin = np.array([left - self._scale * window[0][0], top + self._scale * window[1][1]])
+        box = np.round([(left, top), (axes.bbox.x1, len(self._pixels) - axes.bbox.y0)]).astype(int)
+        self._box = [wp.vec2i(*corner) for corner in box.tolist()]
+        self._paint(np.empty((0, 3)), np.empty((0, 3)))  # compiles, if need be, before the first step
 
     def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
         """Draw a snapshot, with the bodies in their places, as frame `frame`, and return the path of the picture."""
@@ -157,27 +159,58 @@ class FrameWriter:
         speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
         shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
         nearest_last = np.argsort(-snapshot.position[:, 1], kind="stable")
-        self._particles.set_offsets(snapshot.position[nearest_last, ::2])
-        self._particles.set_facecolor(self._shades[snapshot.fluid, shade][nearest_last])
         self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
         self._canvas.restore_region(self._background)
+        self._paint(snapshot.position[nearest_last], self._shades[snapshot.fluid, shade][nearest_last])
         for artist in self._moving:
             self._figure.draw_artist(artist)
         path = self.folder / f"frame.{frame:05d}.png"
         unfinished = path.with_name(f".{path.name}")
-        pixels = np.asarray(self._canvas.buffer_rgba())[:, :, :3]
-        # Level 4 takes about two thirds of the time of Pillow's usual 6, for a few percent more bytes.
-        Image.fromarray(pixels).save(unfinished, compress_level=4)
+        unfinished.write_bytes(png_bytes(self._pixels[:, :, :3]))
         os.replace(unfinished, path)
         return path
 
+    def _paint(self, position: np.ndarray, color: np.ndarray) -> None:
+        """Paint particles at `position` [m], shape [n, 3], in `color`, RGB of 0 to 1, shape [n, 3]."""
+        center = self._origin + position[:, ::2] * [self._scale, -self._scale]
+        height, width, _ = self._pixels.shape
+        center, color, pixels = (
+            wp.array(values, dtype=dtype, device="cpu", copy=False)
+            for values, dtype in (
+                (center.astype(np.float32)[None], wp.vec2),
+                ((255.0 * color).astype(np.float32)[None], wp.vec3),
+                (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
+            )
+        )
+        inputs = [0, len(position), self._radius, width, *self._box, center, color, pixels]
+        wp.launch(paint_discs, dim=1, inputs=inputs, device="cpu")
+
+
+def png_bytes(pixels: np.ndarray) -> bytes:
+    """A PNG of `pixels`, RGB, uint8, shape [height, width, 3].
+
+    Lines are left unfiltered: drawings are of few colours in long runs, which pack better and in a third of the time of
+    a filter chosen line by line.
+    """
+    height, width, _ = pixels.shape
+    lines = np.zeros((height, 1 + 3 * width), dtype=np.uint8)  # the first byte names the filter, 0
+    for channel in range(3):  # four times as fast as all at once
+        lines[:, 1 + channel :: 3] = pixels[:, :, channel]
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits a channel, RGB, nothing special
+    parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines, 2)), chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
 
 def _shades(color: str) -> np.ndarray:
-    """A material's colour from rest (a little darker) to the speed scale (pale), RGBA, shape [256, 4]."""
+    """A material's colour from rest (a little darker) to the speed scale (pale), RGB, shape [256, 3]."""
     base = np.array(to_rgb(color))
     darkest, lightest = 0.85 * base, base + 0.7 * (1.0 - base)
     share = np.linspace(0.0, 1.0, 256)[:, None]
-    return np.hstack([darkest + share * (lightest - darkest), np.ones_like(share)])
+    return darkest + share * (lightest - darkest)
 
 
 def _lay_out(window: Window, fluid_count: int) -> tuple[Figure, Axes, Axes]:
@@ -266,7 +299,9 @@ def _write_mp4(ffmpeg: str, frames: Sequence[Path], path: Path, fps: float) -> N
     first = frames[0].name.split(".")[1]
     command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", str(fps), "-start_number", first]
     # Players expect 4:2:0, which needs the even sizes that frames have, and the index at the front.
-    command += ["-i", "frame.%05d.png", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"]
+    command += ["-i", "frame.%05d.png", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
+    # This preset takes half the time of the usual one, for as many bytes and a likeness that is 0.0006 less (SSIM).
+    command += ["-preset", "veryfast", "-crf", "18"]
     command += ["-movflags", "+faststart", str(unfinished)]
     done = subprocess.run(command, cwd=frames[0].parent, stdin=subprocess.DEVNULL, capture_output=True, check=False)
     if done.returncode != 0:

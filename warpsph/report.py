@@ -120,9 +120,12 @@ def _gauges(run_dir: Path, facts: Mapping[str, Any]) -> Iterator[str]:
             yield f"<tr><td>{escape(name)}</td>{cells}</tr>"
         yield "</table>"
     if records:
-        picture = BytesIO()
-        gauge_picture(records, picture)
-        yield _image(picture.getvalue(), "Level above that at rest over time, at each gauge")
+        drawn = run_dir / "preview" / "gauges.png"
+        if not drawn.exists() or drawn.stat().st_mtime < max(path.stat().st_mtime for path in records):
+            drawn = BytesIO()
+            gauge_picture(records, drawn)
+        picture = drawn.getvalue() if isinstance(drawn, BytesIO) else drawn.read_bytes()
+        yield _image(picture, "Level above that at rest over time, at each gauge")
 
 
 def _pictures(run_dir: Path) -> Iterator[str]:

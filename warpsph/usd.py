@@ -77,6 +77,17 @@ def _publish(layer: Sdf.Layer, path: Path) -> None:
     os.replace(partial, path)
 
 
+def _off_stage(stage: Usd.Stage, suffix: str) -> Sdf.Layer:
+    """A layer with the content of a stage, of the format that `suffix` names."""
+    layer = Sdf.Layer.CreateAnonymous(suffix)
+    layer.TransferContent(stage.GetRootLayer())
+    return layer
+
+
+def _frame_name(frame: int) -> str:
+    return f"fluid.{frame:05d}.usdc"
+
+
 def _prim_names(names: Iterable[str]) -> list[str]:
     """A different legal USD name for each of the scene's names."""
     prim_names: list[str] = []
@@ -131,7 +142,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
         str(name): _plain(value)
         if isinstance(value, Mapping)
         else value
-        if isinstance(value, (bool, int, float, str))
+        if isinstance(value, (bool, int, float, str, Gf.Vec3d))
         else str(value)
         for name, value in values.items()
     }
@@ -185,6 +196,7 @@ class UsdCache:
             raise FileExistsError(errno.EEXIST, "holds the USD cache of an earlier run", str(self.folder))
         frames.mkdir(parents=True, exist_ok=True)
         self._root_layer = self._make_root_layer()
+        self._frame_layer = self._make_frame_layer()
         if self.frame_count and self._bodies:
             self._recall_places()
         # The root forgets the stale frames before they go, so that it never names a file that is not there.
@@ -214,16 +226,14 @@ class UsdCache:
             OSError: The file could not be written.
         """
         frame = self.frame_count
-        stage = self._declare_fluids()
-        self._set_appearance(stage)
-        stage.SetStartTimeCode(frame)
-        stage.SetEndTimeCode(frame)
-        layer = stage.GetRootLayer()
+        layer = self._frame_layer
+        layer.startTimeCode = layer.endTimeCode = frame
         layer.customLayerData = {"time": float(snapshot.time), "step": int(snapshot.step)}
         for index, prim_name in enumerate(self._fluids):
-            prim = stage.GetPrimAtPath(f"{FLUID_SCOPE}/{prim_name}")
             for name, value in self._values(snapshot, np.flatnonzero(snapshot.fluid == index)).items():
-                prim.GetAttribute(name).Set(value, frame)
+                attribute = f"{FLUID_SCOPE}/{prim_name}.{name}"
+                layer.EraseTimeSample(attribute, frame - 1)
+                layer.SetTimeSample(attribute, frame, value)
         path = self._frame_path(frame)
         _publish(layer, path)
         self.frame_count = frame + 1
@@ -312,8 +322,14 @@ class UsdCache:
             mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(body.color)])
         return stage
 
+    def _make_frame_layer(self) -> Sdf.Layer:
+        """What all frames have in common; off any stage, which would follow every change."""
+        stage = self._declare_fluids()
+        self._set_appearance(stage)
+        return _off_stage(stage, ".usdc")
+
     def _make_root_layer(self) -> Sdf.Layer:
-        """The root without its frames; a layer off any stage, which would look for the other files at once."""
+        """The root without its frames; off any stage, which would look for the other files at once."""
         stage = self._declare_fluids()
         self._set_appearance(stage)
         if self._bodies:
@@ -322,8 +338,7 @@ class UsdCache:
             xform = UsdGeom.Xform.Define(stage, f"{BODY_SCOPE}/{prim_name}")
             xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
             xform.AddOrientOp(UsdGeom.XformOp.PrecisionFloat)
-        layer = Sdf.Layer.CreateAnonymous(".usda")
-        layer.TransferContent(stage.GetRootLayer())
+        layer = _off_stage(stage, ".usda")
         layer.customLayerData = _plain(self._provenance)
         layer.startTimeCode = 0
         layer.subLayerPaths.append("./static.usdc")
@@ -342,8 +357,8 @@ class UsdCache:
     def _write_root(self) -> None:
         """Name the finished frames in the root."""
         frames = range(self.frame_count)
-        identity = Vt.Vec2dArray([Gf.Vec2d(frame, frame) for frame in frames])
-        paths = [Sdf.AssetPath(f"./frames/{self._frame_path(frame).name}") for frame in frames]
+        identity = Vt.Vec2dArray.FromNumpy(np.repeat(np.arange(self.frame_count, dtype=float)[:, None], 2, axis=1))
+        paths = [Sdf.AssetPath(f"./frames/{_frame_name(frame)}") for frame in frames]
         world = self._root_layer.GetPrimAtPath("/World")
         world.SetInfo("clipSets", Sdf.StringListOp.CreateExplicit([CLIP_SET]))
         world.SetInfo(
@@ -362,7 +377,7 @@ class UsdCache:
         _publish(self._root_layer, self.root)
 
     def _frame_path(self, frame: int) -> Path:
-        return self.folder / "frames" / f"fluid.{frame:05d}.usdc"
+        return self.folder / "frames" / _frame_name(frame)
 
     def _require_frames(self) -> None:
         for frame in range(self.frame_count):
