@@ -167,8 +167,10 @@ def _measure_series(
         share, fr = slide.share, slide.impact.froude
         quantity = f"energy of the wave over that of the block, Froude number {fr:.2f}"
         results.append(Result(quantity, "", share, None, passed=0.01 <= share <= 0.14, source=NASCIMENTO))
+    of_all = max(slide.share_of_all for slide in slides)
     return [
         *results,
+        Result("the same over all that the block lost, at most", "", of_all, None, source="computed"),
         Result("least growth from one speed to the next", "m", least, None, passed=least > 0.0, source=source),
         at_most("particles in a block", "", sum(slide.inside for slide in slides), 0, "no leak"),
         Result(
