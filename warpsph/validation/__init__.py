@@ -65,10 +65,15 @@ class Series:
     measure: Callable[[Sequence[Run], Path], list[Result]]
 
 
-def _releases(speeds: Sequence[float], slope: float) -> tuple[tuple[str, ...], ...]:
-    """Settings by which the first body starts down a ramp of `slope` [degrees] with each of `speeds` [m/s]."""
+def _releases(speeds: Sequence[float], slope: float, spacing: float) -> tuple[tuple[str, ...], ...]:
+    """Settings by which the first body starts down a ramp of `slope` [degrees] with each of `speeds` [m/s].
+
+    A tenth of the depth is the `spacing` [m]: a third of the work of the scene's own.
+    """
     along, down = math.cos(math.radians(slope)), -math.sin(math.radians(slope))
-    return tuple((f"bodies[0].velocity=[{speed * along:.6f}, {speed * down:.6f}]",) for speed in speeds)
+    return tuple(
+        (f"bodies[0].velocity=[{speed * along:.6f}, {speed * down:.6f}]", f"spacing={spacing}") for speed in speeds
+    )
 
 
 CASES: Mapping[str, Case | Series] = {
@@ -86,13 +91,13 @@ CASES: Mapping[str, Case | Series] = {
     "block_maciel_series": Series(
         "the first block at five speeds: amplitude against Froude number",
         "block_maciel",
-        _releases((0.5, 1.0, 1.5, 2.0, 2.5), 30.0),
+        _releases((1.0, 1.5, 2.0, 2.5, 3.0), 30.0, 0.02),
         measure_maciel_series,
     ),
     "block_mki_series": Series(
         "the second block at five speeds: reflected amplitude against Froude number",
         "block_mki",
-        _releases((0.9, 1.2, 1.5, 1.8, 2.1), 10.0),
+        _releases((1.2, 1.5, 1.8, 2.1, 2.4), 10.0, 0.021),
         measure_mki_series,
     ),
     "interpolation": Series("f = x + z on a patch of particles", "interpolation", PATCH, measure_interpolation),

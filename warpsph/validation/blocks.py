@@ -17,6 +17,7 @@ from warpsph.validation.result import Result, against, at_most
 
 MACIEL = "Maciel & Nascimento (2002) in Vasco (2014) 7.2.5.2"
 MKI = "Monaghan, Kos & Issa (2003) in Vasco (2014) 7.2.5.1"
+NO_WAVE = Result("blocks that sank and made a wave at both gauges", "", 0, 1, passed=False, source="it must")
 NASCIMENTO = "between 1 and 14 %: Nascimento (2001)"
 
 
@@ -30,7 +31,8 @@ class Slide:
         amplitude: Of the crest at the last gauge [m].
         reflected: Amplitude of the highest crest that came back to it from the end of the flume [m]; nan if none did.
         celerity, expected: Of the crest between the gauges, and of a solitary wave as high as that [m/s].
-        share: Energy of the wave at the last gauge over that of the impact.
+        share: Energy of the wave at the last gauge over the kinetic energy of the impact.
+        share_of_all: The same over all the energy that the block lost, to water and to friction, since its release.
         inside: Particles in the block.
         gap: From the centre of the block to the nearest point of a wall [m].
     """
@@ -42,12 +44,13 @@ class Slide:
     celerity: float
     expected: float
     share: float
+    share_of_all: float
     inside: int
     gap: float
 
 
-def slide_of(run: Run) -> Slide:
-    """From the records of a finished run, and its last state."""
+def slide_of(run: Run) -> Slide | None:
+    """From the records of a finished run, and its last state; None if no block sank, or no wave passed both gauges."""
     scene, simulation = run.scene, run.simulation
     fill = next(fluid for fluid in scene.fluids if fluid.fill)
     depth, density = fill.fill.level, scene.materials[fill.material].density
@@ -58,11 +61,15 @@ def slide_of(run: Run) -> Slide:
     near, far = scene.gauges[-2:]
     records = [tuple(read_record(run.folder / "gauges" / f"{gauge.name}.csv").values()) for gauge in (near, far)]
     first, last = (find_wave(time, level - level[0], **about, density=density) for time, level in records)
+    if impact is None or first is None or last is None:
+        return None
     c = solitary_celerity(
         depth=depth, amplitude=0.5 * (first.fit.amplitude + last.fit.amplitude), gravity=scene.gravity
     )
     walls = simulation.placement.wall_position
     centre = simulation.bodies.set.position.numpy()[1]
+    energy = read_record(run.folder / "energy.csv")
+    of_block = energy["bodies kinetic [J/m]"] + energy["bodies potential [J/m]"]
     time, level = records[1]
     # The crest comes back after twice the way to the end of the flume: look from half of that on.
     back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
@@ -75,6 +82,7 @@ def slide_of(run: Run) -> Slide:
         celerity(first, last, far.x - near.x),
         c,
         (last.kinetic + last.potential) / impact.energy,
+        (last.kinetic + last.potential) / float(of_block[0] - of_block[-1]),
         int(simulation.bodies.holds(simulation.state.snapshot().position).sum()),
         float(np.linalg.norm(walls - centre, axis=1).min()),
     )
@@ -83,6 +91,8 @@ def slide_of(run: Run) -> Slide:
 def measure_block_maciel(run: Run) -> list[Result]:
     """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m."""
     slide, far = slide_of(run), run.scene.gauges[-1].name
+    if slide is None:
+        return [NO_WAVE]
     amplitude, r2 = slide.amplitude, slide.waves[1].fit.r2
     source = f"between 0.03 and 0.05 m: {MACIEL}"
     return [
@@ -105,6 +115,8 @@ def measure_block_maciel(run: Run) -> list[Result]:
 def measure_block_mki(run: Run) -> list[Result]:
     """Bars: energy of the wave 1 to 14 % of the block's; see the series for how the wave grows with the speed."""
     slide, far = slide_of(run), run.scene.gauges[-1].name
+    if slide is None:
+        return [NO_WAVE]
     return [
         Result("Froude number of the impact", "", slide.impact.froude, None, source="computed"),
         Result(f"crest amplitude at {far}", "m", slide.amplitude, None, source="computed"),
@@ -119,6 +131,7 @@ def _sound(slide: Slide) -> list[Result]:
     within = 0.01 <= slide.share <= 0.14
     return [
         Result("energy of the wave over that of the block", "", slide.share, None, passed=within, source=NASCIMENTO),
+        Result("the same over all that the block lost", "", slide.share_of_all, None, source="computed"),
         at_most("particles in the block", "", slide.inside, 0, "no leak"),
         Result("block from the wall", "m", slide.gap, None, passed=slide.gap < 0.2, source="it stays in the flume"),
     ]
@@ -138,7 +151,10 @@ def _measure_series(
     runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[Slide], float], source: str
 ) -> list[Result]:
     """One line for each speed, and whether amplitudes grow with the Froude number; the curve goes to `folder`."""
-    slides = sorted((slide_of(run) for run in runs), key=lambda slide: slide.impact.froude)
+    found = [slide_of(run) for run in runs]
+    if None in found:
+        return [NO_WAVE]
+    slides = sorted(found, key=lambda slide: slide.impact.froude)
     froude, heights = [s.impact.froude for s in slides], [amplitude(s) for s in slides]
     depth = next(fluid.fill.level for fluid in runs[0].scene.fluids if fluid.fill)
     draw_series(froude, np.array(heights) / depth, f"{name} / depth", folder / "amplitude.png")
@@ -151,8 +167,10 @@ def _measure_series(
         share, fr = slide.share, slide.impact.froude
         quantity = f"energy of the wave over that of the block, Froude number {fr:.2f}"
         results.append(Result(quantity, "", share, None, passed=0.01 <= share <= 0.14, source=NASCIMENTO))
+    of_all = max(slide.share_of_all for slide in slides)
     return [
         *results,
+        Result("the same over all that the block lost, at most", "", of_all, None, source="computed"),
         Result("least growth from one speed to the next", "m", least, None, passed=least > 0.0, source=source),
         at_most("particles in a block", "", sum(slide.inside for slide in slides), 0, "no leak"),
         Result(
