@@ -81,6 +81,12 @@ class Contact:
     point_spread: wp.array[wp.float64]  # cosine of half of what an arc turns; -1: all around
     point_length: wp.array[wp.float64]  # of an edge [m]; 0: none
     point_into: wp.array2d[wp.vec3d]  # from an edge into either of its faces, unit vectors
+    body_first_block: wp.array[
+        int
+    ]  # body b has the blocks of points body_first_block[b] .. body_first_block[b + 1] - 1
+    block_first: wp.array[int]  # block n has the points block_first[n] .. block_first[n + 1] - 1
+    block_center: wp.array[wp.vec3d]  # of a sphere around a block [m]
+    block_reach: wp.array[wp.float64]  # its radius [m]
     leg_body: wp.array[int]  # legs lie in the coordinates of their body
     leg_kind: wp.array[int]
     leg_origin: wp.array[wp.vec3d]  # start of a line or an edge, centre of an arc or a ball, any point of a face [m]
@@ -291,39 +297,39 @@ def find_contacts(
     first: int,
     contact: Contact,
     leg_count: int,
-    block_first: wp.array[int],
-    block_body: wp.array[int],
     position: wp.array[wp.vec3d],
     orientation: wp.array[wp.quatd],
     inverse_mass: wp.array[wp.vec3d],
-    score_out: wp.array2d[wp.float64],
     point_out: wp.array2d[int],
 ):
-    """For a block of points and a leg, row block * leg_count + leg: the points that would touch first, -1 for none."""
+    """For a body and a leg that may touch, row b * leg_count + leg: the points that would touch first, -1 for none."""
     row = first + wp.tid()
-    block = row // leg_count
-    leg = row - block * leg_count
-    b = block_body[block]
-    best = Scores()
-    chosen = Chosen()
-    for slot in range(MOST_SLOTS):
-        chosen[slot] = -1
+    b = row // leg_count
+    leg = row - b * leg_count
     if may_touch(contact, b, leg, position, orientation, inverse_mass):
         other = contact.leg_body[leg]
-        for k in range(block_first[block], block_first[block + 1]):
-            gap, _n, t, s, is_near, _arm = point_coordinates(
-                contact, leg, b, k, position[b], orientation[b], position[other], orientation[other]
-            )
-            if is_near:
-                for slot in range(contact.slots):
-                    way = tilt_direction(slot)
-                    score = contact.tilt * (way[0] * t + way[1] * s) - gap
-                    if chosen[slot] < 0 or score > best[slot]:
-                        best[slot] = score
-                        chosen[slot] = k
-    for slot in range(contact.slots):
-        score_out[row, slot] = best[slot]
-        point_out[row, slot] = chosen[slot]
+        best = Scores()
+        chosen = Chosen()
+        for slot in range(MOST_SLOTS):
+            chosen[slot] = -1
+        centre = position[other] + wp.quat_rotate(orientation[other], contact.leg_center[leg])
+        centre = wp.quat_rotate_inv(orientation[b], centre - position[b])
+        for block in range(contact.body_first_block[b], contact.body_first_block[b + 1]):
+            reach = contact.block_reach[block] + contact.leg_reach[leg] + contact.margin
+            if wp.length(contact.block_center[block] - centre) < reach:
+                for k in range(contact.block_first[block], contact.block_first[block + 1]):
+                    gap, _n, t, s, is_near, _arm = point_coordinates(
+                        contact, leg, b, k, position[b], orientation[b], position[other], orientation[other]
+                    )
+                    if is_near:
+                        for slot in range(contact.slots):
+                            way = tilt_direction(slot)
+                            score = contact.tilt * (way[0] * t + way[1] * s) - gap
+                            if chosen[slot] < 0 or score > best[slot]:
+                                best[slot] = score
+                                chosen[slot] = k
+        for slot in range(contact.slots):
+            point_out[row, slot] = chosen[slot]
 
 
 @wp.func
@@ -370,8 +376,6 @@ def gather_contacts(
     contact: Contact,
     leg_count: int,
     dt: wp.array[float],
-    body_first_block: wp.array[int],
-    score: wp.array2d[wp.float64],
     point: wp.array2d[int],
     position: wp.array[wp.vec3d],
     orientation: wp.array[wp.quatd],
@@ -406,13 +410,7 @@ def gather_contacts(
             for slot in range(MOST_SLOTS):
                 taken[slot] = -1
             for slot in range(contact.slots):
-                k = int(-1)
-                best = wp.float64(0.0)
-                for block in range(body_first_block[b], body_first_block[b + 1]):
-                    row = block * leg_count + leg
-                    if point[row, slot] >= 0 and (k < 0 or score[row, slot] > best):
-                        k = point[row, slot]
-                        best = score[row, slot]
+                k = point[b * leg_count + leg, slot]
                 taken[slot] = k
                 is_new = k >= 0 and found < contact.capacity
                 for earlier in range(slot):

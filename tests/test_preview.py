@@ -8,7 +8,16 @@ import pytest
 from PIL import Image
 
 from warpsph import preview
-from warpsph.preview import FrameWriter, animate, contact_sheet, fluid_colors, gauge_picture, window_around
+from warpsph.mesh import box_mesh
+from warpsph.preview import (
+    FrameWriter,
+    _seen_from_the_front,
+    animate,
+    contact_sheet,
+    fluid_colors,
+    gauge_picture,
+    window_around,
+)
 from warpsph.state import Snapshot
 
 SPACING = 0.01
@@ -205,3 +214,16 @@ def test_a_sheet_stacks_frames_under_their_labels(frames, tmp_path):
     sheet, (width, height) = pixels_of(tmp_path / "sheet.png"), Image.open(chosen[0]).size
     assert sheet.shape == (2 * (height + 40), width, 3)
     np.testing.assert_array_equal(sheet[height + 80 :], pixels_of(chosen[1]))
+
+
+def test_body_in_space_shows_its_front_and_top_and_not_its_back():
+    """Of the 12 triangles of a cube seen from the front, turned by 20 degrees about x, 4 face it; lit from above."""
+    mesh = box_mesh([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0])
+    c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
+    corners = mesh.vertices @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]).T
+    faces, colors = _seen_from_the_front(corners, mesh.triangles, "#808080")
+    assert len(faces) == 4 and colors.shape == (4, 3)
+    normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
+    assert np.all(normals[:, 1] < 0.0)
+    top = normals[:, 2] > np.abs(normals[:, 1])
+    assert top.sum() == 2 and colors[top].min() > colors[~top].max()

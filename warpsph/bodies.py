@@ -277,21 +277,17 @@ class BodySet:
         if not self._has_contact:
             return kick
         leg_count = len(self._legs)
-        block_count, block_first, block_body, body_first_block = self._contact_blocks
         place = [self.position, self.orientation]
         find = self.launcher.record(
             contact_kernels.find_contacts,
-            block_count * leg_count,
-            [
-                *(self.contact, leg_count, block_first, block_body),
-                *(*place, self.inverse_mass, self._score, self._chosen),
-            ],
+            self.count * leg_count,
+            [self.contact, leg_count, *place, self.inverse_mass, self._chosen],
         )
         gather = self.launcher.record(
             contact_kernels.gather_contacts,
             self.count,
             [
-                *(self.contact, leg_count, dt, body_first_block, self._score, self._chosen),
+                *(self.contact, leg_count, dt, self._chosen),
                 *(*place, self.velocity, self.spin, *before, *inverse),
                 *(self._last_count, self._last_key, self._impulse),
                 *(self.contact_count, self._key, self._other, self._place, self._normal),
@@ -439,7 +435,7 @@ class BodySet:
         contact.point_into = self._array(np.concatenate([p.into for p in sets]), wp.vec3d)
         reach = [float((np.linalg.norm(p.offset, axis=1) + p.radius).max(initial=0.0)) for p in sets[1:]]
         contact.reach = self._array([math.inf, *reach], wp.float64)
-        self._contact_blocks = self._blocks([len(p.radius) for p in sets])
+        self._load_contact_blocks(joined(sets), [len(p.radius) for p in sets])
 
         self._legs = legs
         contact.leg_body, contact.leg_kind = self._array(owners, int), self._array([leg.kind for leg in legs], int)
@@ -457,9 +453,8 @@ class BodySet:
             dtype = wp.vec3d if width == 3 else wp.vec2d
             setattr(contact, f"border_{'start' if name == 'corners' else name}", self._array(rows, dtype))
 
-        rows, shape = max(self._contact_blocks[0] * len(legs), 1), (self.count, contact.capacity)
-        self._score = self._zeros(wp.float64, rows, contact.slots)
-        self._chosen = self._zeros(int, rows, contact.slots)
+        shape = self.count, contact.capacity
+        self._chosen = self._zeros(int, max(self.count * len(legs), 1), contact.slots)
         self.contact_count, self._last_count = self._zeros(int, self.count), self._zeros(int, self.count)
         self._key, self._last_key = self._zeros(wp.int64, *shape), self._zeros(wp.int64, *shape)
         self._other = self._zeros(int, *shape)
@@ -468,6 +463,19 @@ class BodySet:
             self._zeros(wp.float64, *shape) for _ in range(4)
         )
         self._impulse = self._zeros(wp.vec3d, 1, self.count * contact.capacity)
+
+    def _load_contact_blocks(self, points: ContactPoints, sizes: Sequence[int]) -> None:
+        """Blocks of points, of which one that is far from a leg is passed over as a whole."""
+        contact = self.contact
+        count, contact.block_first, _, contact.body_first_block = self._blocks(sizes)
+        first = contact.block_first.numpy()
+        ends = points.offset + points.length[:, None] * points.way
+        middles = 0.5 * (points.offset + ends)
+        centres = np.array([middles[first[n] : first[n + 1]].mean(axis=0) for n in range(count)]).reshape(-1, 3)
+        reach = 0.5 * points.length + points.radius
+        reach = reach + np.linalg.norm(middles - np.repeat(centres, np.diff(first), axis=0), axis=1)
+        contact.block_center = self._array(centres, wp.vec3d)
+        contact.block_reach = self._array([reach[first[n] : first[n + 1]].max() for n in range(count)], wp.float64)
 
 
 def _touching(body: Body, depth: float) -> tuple[list[ContactLeg], ContactPoints]:

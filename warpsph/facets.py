@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from warpsph.mesh import along_curve
 from warpsph.outline import Array, Bend, Line
 from warpsph.rigid import reversed_outline
 from warpsph.surface import Crate, Sheet
@@ -76,8 +77,8 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
     """
     doubled = np.cross(*(vertices[triangles[:, k]] - vertices[triangles[:, 0]] for k in (1, 2)))
     sizes = np.linalg.norm(doubled, axis=1)
-    kept = sizes > 1e-12 * sizes.max()
-    triangles, normals = triangles[kept], doubled[kept] / sizes[kept, None]
+    has_area = sizes > 1e-12 * sizes.max()
+    triangles, normals = triangles[has_area], doubled[has_area] / sizes[has_area, None]
     corners = vertices[triangles]
     ways = np.roll(corners, -1, axis=1) - corners
     lengths = np.linalg.norm(ways, axis=2)
@@ -111,7 +112,16 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
         Face(normals[some[0]], ways[some[0], 0], *(a[some].reshape(-1, a.shape[2]) for a in (corners, into, beyond)))
         for some in members
     ]
-    return Facets(faces, edges, vertices[is_corner])
+    bulging = vertices[is_corner]
+    # Neighbours together, for contact to pass over what is far away.
+    size = float(np.ptp(vertices, axis=0).max()) / 64.0
+    if edges:
+        order = np.argsort(
+            along_curve(np.array([e.start + 0.5 * e.length * e.way for e in edges]), size), kind="stable"
+        )
+        edges = [edges[i] for i in order.tolist()]
+        bulging = bulging[np.argsort(along_curve(bulging, size), kind="stable")]
+    return Facets(faces, edges, bulging)
 
 
 def crate_facets(crate: Crate, side: int, depth: float) -> Facets:

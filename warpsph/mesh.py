@@ -322,7 +322,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
 
     fixed, fixed_normals = _feature_points(mesh, facing, spacing)
     free = max(round(total / (CELL * spacing**2)) - len(fixed), 0 if len(fixed) else 1)
-    order = np.argsort(_along_curve(middles, spacing), kind="stable")
+    order = np.argsort(along_curve(middles, spacing), kind="stable")
     along = np.cumsum(areas[order]) / total
     chosen = order[np.searchsorted(along, (np.arange(free) + 0.5) / max(free, 1))]
     points = np.concatenate([fixed, middles[chosen]])
@@ -434,7 +434,7 @@ def _paths(
         yield path, path[0][0] == path[-1][0] and path[0][0] not in corners
 
 
-def _along_curve(points: Array, spacing: float) -> NDArray[np.int64]:
+def along_curve(points: Array, spacing: float) -> NDArray[np.int64]:
     """Places along Morton's curve, whose cells are a quarter of the spacing wide, shape [n]."""
     cells = ((points - points.min(axis=0)) / (0.25 * spacing)).astype(np.int64)
     key = np.zeros(len(points), np.int64)

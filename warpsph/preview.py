@@ -126,8 +126,8 @@ class FrameWriter:
             PolyCollection(
                 [],
                 facecolors=body.color,
-                edgecolors=INK if len(body.faces) == 1 else body.color,
-                linewidths=1.0 if len(body.faces) == 1 else 0.3,
+                edgecolors=INK,
+                linewidths=1.0 if len(body.faces) == 1 else 0.3,  # in 3-D in the colour of each face
             )
             for body in bodies
         ]
@@ -154,8 +154,12 @@ class FrameWriter:
     def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
         """Draw a snapshot, with the bodies in their places, as frame `frame`, and return the path of the picture."""
         for artist, body, (x, q) in zip(self._bodies, self._drawn_bodies, places, strict=True):
-            corners = (x + body.corners @ rotation(q).T)[:, ::2]
-            artist.set_verts([corners[face] for face in body.faces])
+            corners = x + body.corners @ rotation(q).T
+            faces = body.faces
+            if len(faces) > 1:
+                faces, colors = _seen_from_the_front(corners, np.array(faces), body.color)
+                artist.set(facecolors=colors, edgecolors=colors)
+            artist.set_verts([corners[face, ::2] for face in faces])
         speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
         shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
         nearest_last = np.argsort(-snapshot.position[:, 1], kind="stable")
@@ -203,6 +207,21 @@ def png_bytes(pixels: np.ndarray) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits a channel, RGB, nothing special
     parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines, 2)), chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def _seen_from_the_front(corners: np.ndarray, faces: np.ndarray, color: str) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles of a body that face the front, the nearest last, and their colours, lit from above on the left.
+
+    `corners` [m], shape [n, 3]; `faces` three of them each, counter-clockwise from outside, shape [m, 3].
+    """
+    a, b, c = np.moveaxis(corners[faces], 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    seen = np.flatnonzero(normals[:, 1] < 0.0)
+    seen = seen[np.argsort(-(a + b + c)[seen, 1], kind="stable")]
+    light = np.array([-0.3, -0.75, 0.6]) / np.linalg.norm([-0.3, -0.75, 0.6])
+    brightness = 0.55 + 0.55 * np.clip(normals[seen] @ light, 0.0, 1.0)
+    return faces[seen], np.clip(brightness[:, None] * np.array(to_rgb(color)), 0.0, 1.0)
 
 
 def _shades(color: str) -> np.ndarray:

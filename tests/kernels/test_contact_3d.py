@@ -281,6 +281,15 @@ def test_box_slides_on_a_box(run):
     assert np.abs(pair.spin(2)).max() < 1e-6
 
 
+def test_corner_inside_belongs_to_the_nearer_face(run):
+    """Two corners start 0.1 mm below a top and 0.2 mm from a side of what they lie on: they go up, not sideways."""
+    lower = box([-0.2, -0.2, 0.0], [0.2, 0.2, 0.1], mass=50.0, friction=0.8)
+    upper = box([0.0998, -0.1, 0.0999], [0.1998, 0.1, 0.15])
+    pair = run([lower, upper], [FLOOR])(0.05)
+    assert pair.vertices(2)[:, 2].min() == pytest.approx(0.1, abs=2 * SLACK)
+    assert pair.position(2)[0] == pytest.approx(0.1498, abs=1e-6)
+
+
 def test_beams_cross(run):
     """One lies across the other: no corner touches anything, edges do; it neither sinks in nor turns."""
     lower = box([-0.3, -0.03, 0.0], [0.3, 0.03, 0.1], mass=5.0, friction=0.5)

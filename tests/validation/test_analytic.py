@@ -12,7 +12,6 @@ import pytest
 import warpsph.validation
 from warpsph.validation.analytic import (
     HUPPERT_FRONT,
-    HeaveInTank,
     arrested_depth,
     arrested_toe,
     bingham_poiseuille,
@@ -20,7 +19,7 @@ from warpsph.validation.analytic import (
     fit_solitary_wave,
     floating_draft,
     heave_added_mass,
-    heave_period_in_tank,
+    heave_added_mass_in_tank,
     herschel_bulkley_free_surface,
     huppert_depth,
     huppert_front,
@@ -361,22 +360,19 @@ def test_draft_displaces_its_own_mass():
 
 
 def test_added_mass_in_a_wide_tank_is_that_of_a_cube():
-    """DNV-RP-C205 (2010), appendix D: 0.68 rho a^3 for a cube without end of water, half of which heaves with half of
-    it at high frequency. A tank of 4 by 2 beams, extrapolated from 2 and 4 cubes to half the beam."""
-    coarse, fine = (float(HeaveInTank(4.0, 2.0, 1.0, 0.5, cells).added_mass(np.inf, 1.0)) for cells in (2, 4))
-    assert fine + (fine - coarse) / (2.0 ** (4.0 / 3.0) - 1.0) == pytest.approx(0.34, rel=0.02)
-
-
-def test_heave_in_a_narrow_tank_is_that_of_a_plug():
-    """As the gap closes the water under the box must rise beside it, and the level with it: the spring grows by the
-    ratio of tank to gap, and the water in the gap is what moves."""
-    periods = [HeaveInTank(width, 2.0, 1.0, 0.5, 6).period(mass=500.0, density=1000.0) for width in (1.5, 2.0, 3.0)]
-    assert periods == sorted(periods)
-    spring = 1000.0 * 9.81 * 1.5**2 / (1.5**2 - 1.0)
-    carried = 500.0 * (1.0 / (1.5**2 - 1.0))  # of the water beside it, faster than the box
-    assert periods[0] > 2.0 * math.pi * math.sqrt((500.0 + carried) / spring)
-    assert heave_period_in_tank(width=0.48, depth=0.24, beam=0.24, draft=0.08, density=1000.0) == pytest.approx(
-        HeaveInTank(0.48, 0.24, 0.24, 0.08, 12).period(mass=4.608, density=1000.0), rel=0.01
+    """DNV-RP-C205 (2010), appendix D: 0.68 rho a^3 for a cube in water without end, half of which heaves with half of
+    it at high frequency. In a tank of 4 by 2 beams; walls and a bottom that come closer make it more."""
+    wide, narrow, shallow = (
+        heave_added_mass_in_tank(width=width, depth=depth, beam=1.0, draft=0.5, density=1.0)
+        for width, depth in ((4.0, 2.0), (2.0, 2.0), (4.0, 1.0))
     )
+    assert wide == pytest.approx(0.34, rel=0.02)
+    assert narrow > 1.02 * wide and shallow > 1.02 * wide
+
+
+def test_added_mass_of_a_shallow_box_in_a_closing_gap():
+    """The water below must pass the gap: an added mass of rho A^2 d / (A_tank - A) of it at least."""
+    added = heave_added_mass_in_tank(width=1.25, depth=1.0, beam=1.0, draft=0.5, density=1.0)
+    assert added > 0.5 / (1.25**2 - 1.0)
     with pytest.raises(ValueError, match="no cubes fit"):
-        heave_period_in_tank(width=0.48, depth=0.24, beam=0.24, draft=0.0801, density=1000.0)
+        heave_added_mass_in_tank(width=0.48, depth=0.24, beam=0.24, draft=0.0801, density=1000.0)

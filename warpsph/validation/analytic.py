@@ -333,91 +333,60 @@ def _side(q: float) -> float:
     return float(np.sum(0.5 * math.pi * weight * root * q * np.cos(s)))
 
 
-@dataclass(frozen=True)
-class HeaveInTank:
-    """The water around a square box that heaves in the middle of a square tank, by linear potential flow.
-
-    The box is `beam` [m] wide with its bottom `draft` [m] deep; the tank `width` [m] wide and `depth` [m] deep. A
-    quarter of it is cut into cubes, `cells` to half the beam, and Laplace's equation solved by finite differences. At
-    the surface dphi/dz = K phi, K = w^2 / g: what waves at the frequency w do, and how the level rises in so small a
-    tank, is in the added mass.
-    """
-
-    width: float
-    depth: float
-    beam: float
-    draft: float
-    cells: int
-
-    def added_mass(self, wave_number: ArrayLike, density: float) -> np.ndarray:
-        """Added mass [kg] at K = `wave_number` [1/m], shape of that; infinite for phi = 0 at the surface.
-
-        Layers of cubes are eliminated from the bottom to the surface: phi_k = Q_k phi_(k+1) + q_k. The flow is that of
-        a box that rises at 1 m/s, and the added mass rho times the integral of phi over its bottom.
-        """
-        dx = self.beam / (2 * self.cells)
-        count, depth, above = (round(size / dx) for size in (0.5 * self.width, self.depth, self.draft))
-        line = np.eye(count, k=1) + np.eye(count, k=-1)
-        line -= np.diag(line.sum(axis=1))
-        flat = np.kron(line, np.eye(count)) + np.kron(np.eye(count), line)
-        side = np.arange(count) < self.cells
-        under = np.kron(side, side)
-        beside = np.flatnonzero(~under)
-        ring = flat[np.ix_(beside, beside)]
-        ring -= np.diag(ring.sum(axis=1))
-
-        Q = np.zeros_like(flat)
-        for k in range(depth - above):
-            is_last = k == depth - above - 1
-            links = float(k > 0) + np.where(under & is_last, 0.0, 1.0)  # to the layers below and above
-            Q = np.linalg.inv(np.diag(links) - flat - Q)
-        base, by_box = Q, Q @ (under * dx)
-        Q, q = base[np.ix_(beside, beside)], by_box[beside]
-        layers = []
-        for _ in range(above - 1):
-            Q = np.linalg.inv(2.0 * np.eye(len(beside)) - ring - Q)
-            q = Q @ q
-            layers.append((Q, q))
-        K = np.asarray(wave_number, float)
-        found = []
-        for k in K.ravel():
-            at_surface = 2.0 if np.isinf(k) else -k * dx / (1.0 - 0.5 * k * dx)
-            below = layers[-1] if layers else (base[np.ix_(beside, beside)], by_box[beside])
-            phi = np.linalg.solve((1.0 + at_surface) * np.eye(len(beside)) - ring - below[0], below[1])
-            for Q, q in reversed(layers):
-                phi = Q @ phi + q
-            bottom = (by_box + base[:, beside] @ phi)[under] + 0.5 * dx
-            found.append(4.0 * density * dx * dx * bottom.sum())
-        return np.reshape(found, K.shape)
-
-    def period(self, *, mass: float, density: float, gravity: float = 9.81) -> float:
-        """Period [s] of the heave: T = 2 pi sqrt((m + a(K)) / (rho g beam^2)) with K = (2 pi / T)^2 / g."""
-        spring = density * gravity * self.beam**2
-        grid = np.linspace(0.2, 1.0, 41) / self.draft  # K = 1 / draft without any added mass
-        surplus = spring / gravity / grid - mass - self.added_mass(grid, density)
-        # Above the mode of the box waves in the tank have poles, where the surplus jumps: the first root is the heave.
-        k = int(np.flatnonzero(surplus <= 0.0)[0])
-        K = grid[k - 1] + (grid[k] - grid[k - 1]) * surplus[k - 1] / (surplus[k - 1] - surplus[k])
-        return 2.0 * math.pi / math.sqrt(K * gravity)
-
-
-def heave_period_in_tank(
-    *, width: float, depth: float, beam: float, draft: float, density: float, gravity: float = 9.81
-) -> float:
-    """Period [s] of the heave of a square box that floats in a square tank; see `HeaveInTank`.
+def heave_added_mass_in_tank(*, width: float, depth: float, beam: float, draft: float, density: float) -> float:
+    """Added mass [kg] of a square box that heaves fast in the middle of a square tank: phi = 0 at the surface.
 
     Of two grids, one twice as fine as the other, extrapolated: at an edge of 270 degrees phi goes like r^(2/3), and the
     added mass converges like dx^(4/3).
 
-    Raises ValueError where no whole number of cubes, up to 12 to half the beam, fits all sizes.
+    Raises ValueError where no whole number of cubes, up to 6 to half the beam, fits all sizes.
     """
     sizes = np.array([0.5 * width, depth, draft]) * 2.0 / beam
-    fits = (cells for cells in range(3, 13) if np.allclose(sizes * cells, np.round(sizes * cells), atol=1e-6))
+    fits = (cells for cells in range(2, 7) if np.allclose(sizes * cells, np.round(sizes * cells), atol=1e-6))
     if (cells := next(fits, None)) is None:
         raise ValueError(f"no cubes fit a beam of {beam:g} m, a draft of {draft:g} m and the tank")
-    about = {"mass": density * beam**2 * draft, "density": density, "gravity": gravity}
-    coarse, fine = (HeaveInTank(width, depth, beam, draft, n).period(**about) for n in (cells, 2 * cells))
-    return fine + (fine - coarse) / (2.0 ** (4.0 / 3.0) - 1.0)
+    coarse, fine = (_added_mass_by_cubes(n, *np.rint(sizes * n).astype(int)) for n in (cells, 2 * cells))
+    return density * beam**3 * (fine + (fine - coarse) / (2.0 ** (4.0 / 3.0) - 1.0))
+
+
+def _added_mass_by_cubes(cells: int, width: int, depth: int, draft: int) -> float:
+    """Added mass over density x beam^3, by finite differences for Laplace's equation.
+
+    A quarter of the tank is cut into cubes: `cells` to half the beam, `width`, `depth` and `draft` to half the width
+    and to the others. Layers are eliminated from the bottom to the surface, phi_k = Q phi_(k+1) + q. The box rises at
+    one cube's edge a second, and the added mass is density times the integral of phi over its bottom.
+    """
+    line = np.eye(width, k=1) + np.eye(width, k=-1)
+    line -= np.diag(line.sum(axis=1))
+    flat = np.kron(line, np.eye(width)) + np.kron(np.eye(width), line)
+    side = np.arange(width) < cells
+    under = np.kron(side, side)
+    beside = np.flatnonzero(~under)
+    ring = flat[np.ix_(beside, beside)]
+    ring -= np.diag(ring.sum(axis=1))
+
+    # Below the box all layers have the modes of `flat`.
+    values, modes = np.linalg.eigh(line)
+    modes, decay = np.kron(modes, modes), np.add.outer(values, values).ravel()
+    share = np.zeros_like(decay)
+    for k in range(depth - draft - 1):
+        share = 1.0 / (float(k > 0) + 1.0 - decay - share)  # links to the layers below and above, and to the sides
+    below = (modes * share) @ modes.T
+    links = float(depth - draft > 1) + np.where(under, 0.0, 1.0)
+    base = np.linalg.inv(np.diag(links) - flat - below)
+    by_box = base @ under.astype(float)
+    Q, q = base[np.ix_(beside, beside)], by_box[beside]
+    layers = []
+    for k in range(draft):
+        links = 3.0 if k == draft - 1 else 2.0  # the surface is half as far as a layer
+        Q = np.linalg.inv(links * np.eye(len(beside)) - ring - Q)
+        q = Q @ q
+        layers.append((Q, q))
+    phi = np.zeros(len(beside))
+    for Q, q in reversed(layers):
+        phi = Q @ phi + q
+    bottom = (by_box + base[:, beside] @ phi)[under] + 0.5
+    return 4.0 * float(bottom.sum()) / (2 * cells) ** 3
 
 
 def floating_draft(*, mass: float, waterplane: float, density: float) -> float:
