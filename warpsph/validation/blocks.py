@@ -121,7 +121,8 @@ def measure_block_mki(run: Run) -> list[Result]:
         Result("Froude number of the impact", "", slide.impact.froude, None, source="computed"),
         Result(f"crest amplitude at {far}", "m", slide.amplitude, None, source="computed"),
         Result(f"amplitude at {far} of the reflected crest", "m", slide.reflected, None, source="computed"),
-        against("celerity of the crest", "m/s", slide.celerity, slide.expected, 0.03, "sqrt(g (d + a))"),
+        # No bar: the crest breaks up to the first gauge and is no solitary wave before the second.
+        Result("celerity of the crest", "m/s", slide.celerity, slide.expected, source="sqrt(g (d + a))"),
         *_sound(slide),
     ]
 
