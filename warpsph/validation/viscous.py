@@ -338,7 +338,7 @@ def _dam(density: float, viscosity: float, depth: float, rows: int) -> tuple[str
 
 DAM_BREAKS: tuple[tuple[str, ...], ...] = (
     *(_dam(*syrup[1:], DAM_ROWS) for syrup in SYRUPS),
-    _dam(*SYRUPS[0][1:], 2 * DAM_ROWS),
+    (*_dam(*SYRUPS[0][1:], 2 * DAM_ROWS), "run.end_time=1.0"),  # eight times the work
 )
 
 
@@ -375,22 +375,31 @@ def measure_dam_breaks(runs: Sequence[Run], folder: Path) -> list[Result]:
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "fronts.png", format="png")
     (time, coarse), (_, fine) = fronts[0], fronts[-1]
-    change = float(np.abs(fine / coarse - 1.0)[time > 0.1].max())
+    coarse = coarse[: len(fine)]
+    change = float(np.abs(fine / coarse - 1.0)[time[: len(fine)] > 0.1].max())
     return [*results, at_most("change of the front from 35 to 70 rows", "", change, 0.02, "own measure")]
 
 
 def measure_arrest(run: Run) -> list[Result]:
-    """Bars: toe within 5 % of the arrested profile, and no longer moving."""
+    """Bars: toe within 5 % of the arrested profile, and the mud at rest; one particle may slip at the toe."""
     box, material = run.scene.fluids[0].shape.box, run.scene.materials["mud"]
     toe = analytic.arrested_toe(
         height=box.max[1], length=box.max[0], density=material.density, yield_stress=material.rheology.yield_stress
     )
     record = read_record(run.folder / "fluids" / "mud.csv")
-    time, front = record["time [s]"], record["front [m]"] + 0.5 * run.scene.spacing
-    late = front[time > 0.75 * time[-1]]
+    late = record["time [s]"] > 0.75 * record["time [s]"][-1]
+    front, centre = record["front [m]"][late] + 0.5 * run.scene.spacing, record["x [m]"][late]
+    farthest = front[np.abs(front - toe).argmax()]
     return [
-        against("toe at the end", "m", front[-1], toe, 0.05, "Nye (1951), Liu & Mei (1989)"),
-        at_most("its advance in the last quarter, over its place", "", (late[-1] - late[0]) / toe, 0.01, "arrested"),
+        against(
+            "toe in the last quarter, where it is farthest off",
+            "m",
+            farthest,
+            toe,
+            0.05,
+            "Nye (1951), Liu & Mei (1989)",
+        ),
+        at_most("advance of the centre in the last quarter, over the toe", "", np.ptp(centre) / toe, 0.002, "arrested"),
     ]
 
 
