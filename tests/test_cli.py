@@ -100,6 +100,26 @@ def test_report_can_be_written_again(finished, capsys):
     assert (finished / "report.html").exists()
 
 
+def test_wave_of_a_block_is_told_in_full(tmp_path, capsys):
+    """Impact, crest, period, celerity, likeness to a solitary wave, both energies, share: printed, and in run.json."""
+    coarse = ["--set", "spacing=0.025", "--set", "warm_up.duration=0.05", "--set", "output.usd=false", "--until", "1.2"]
+    near = ["--set", "gauges=[{name: near, x: 0.6}, {name: next, x: 1.0}]", "--set", "output.pictures=false"]
+    assert run("scene", SCENES / "block_maciel.yaml", *coarse, *near, "--out", tmp_path / "run") == OK
+    told, facts = capsys.readouterr().out, json.loads((tmp_path / "run" / "run.json").read_text())
+    impact = facts["impacts"]["block"]
+    assert f"Froude number {impact['Froude number']:.3f}, {impact['kinetic energy [J/m]']:.1f} J/m" in told
+    assert set(facts["waves"]) == {"near", "next"}
+    for wave in facts["waves"].values():
+        assert f"crest {wave['crest amplitude [m]']:.4f} m, period {wave['period [s]']:.2f} s" in told
+        assert f"celerity {wave['celerity [m/s]']:.3f} m/s" in told
+        assert f"solitary with R2 = {wave['likeness to a solitary wave, R2']:.3f}" in told
+        kinetic, potential = wave["kinetic energy [J/m]"], wave["potential energy [J/m]"]
+        assert f"kinetic {kinetic:.2f} and potential {potential:.2f} J/m" in told
+        share = wave["energy / kinetic energy of the impact"]
+        assert share == pytest.approx((kinetic + potential) / impact["kinetic energy [J/m]"])
+        assert f"{share:.1%} of the energy of the impact" in told
+
+
 def test_scenes_and_cases_are_listed(capsys):
     assert run("list") == OK and run("validate", "--list") == OK
     listed = capsys.readouterr().out

@@ -239,7 +239,7 @@ def _validate(options: argparse.Namespace) -> int:
         raise _InputError(f"no validation case named '{unknown[0]}'; there are: {', '.join(CASES)}")
     if options.list:
         for name, case in CASES.items():
-            print(f"{name:<18} {case.title}")
+            print(f"{name:<20} {case.title}")
         return OK
     results = []
     for name in options.cases or CASES:
