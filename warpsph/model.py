@@ -76,6 +76,7 @@ class Model:
             xsph=scene.xsph > 0.0,
             fluid_count=len(scene.fluids),
             dimensions=scene.dimensions,
+            neighbours=scene.neighbours,
         )
         self.parameters = self._parameters(scene, placement, materials)
         lower, upper = extent(placement)

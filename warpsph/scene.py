@@ -552,6 +552,9 @@ class Scene(Part):
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
+    neighbours: Literal["lists", "cells"] = Field(
+        "lists", description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory)."
+    )
     walls: tuple[Wall, ...] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
     fluids: Annotated[tuple[Fluid, ...], Field(min_length=1)] = Field(
@@ -612,6 +615,8 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
         law = scene.wall_model.force
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
+    if scene.neighbours == "cells" and scene.density_diffusion.model == "antuono":
+        yield "neighbours", "antuono's diffusion of density needs lists"
     yield from _misplaced(scene)
     for kind in ("walls", "fluids", "bodies", "gauges"):
         seen: dict[str, int] = {}

@@ -140,12 +140,16 @@ class Step:
 
     def _sweep(self, momentum: bool = True, continuity: bool = True) -> Launch:
         s, m, n = self.state, self.model, self.neighbours
-        return self._launch(
+        return m.launcher.record(
             rates_kernel(m.formulas, m.layout, momentum, continuity),
-            *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid),
-            *(s.pressure_gradient, n.count, n.list),
-            *(s.pressure_acceleration, s.dissipative_acceleration),
-            *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
+            m.particle_count,
+            [
+                *(m.grid, m.parameters),
+                *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid),
+                *(s.pressure_gradient, n.count, n.list, n.cells.start, s.listed_position),
+                *(s.pressure_acceleration, s.dissipative_acceleration),
+                *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
+            ],
         )
 
     def _gradients(self) -> dict[str, Launch]:
