@@ -215,7 +215,12 @@ class Step:
     def _clock(self) -> Launch:
         s, m = self.state, self.model
         more = 1 if self.bodies else 0  # an entry of theirs
-        counts = s.block_count + more, s.strain_block_count + more
+        blocks, strains = s.block_count + more, s.strain_block_count + more
+        limits, slots, collect = s.block_dt_limit, s.block_fault_slot, []
+        if s.top_count:
+            inputs = [blocks, BLOCK_SIZE, limits, slots, s.top_dt_limit, s.top_fault_slot]
+            collect = [m.launcher.record(integrators.collect_blocks, s.top_count, inputs, grain=s.top_count + 1)]
+            blocks, limits, slots = s.top_count, s.top_dt_limit, s.top_fault_slot
         largest = m.launcher.record(
             neighbours.largest_of_blocks,
             s.strain_block_count,
@@ -226,9 +231,9 @@ class Step:
             integrators.advance_clock,
             1,
             [
-                *(*counts, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
+                *(blocks, strains, limits, slots, s.particle_fault),
                 *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
                 *(s.dt_limit, s.stale, s.running),
             ],
         )
-        return m.launcher.chain(largest, advance)
+        return m.launcher.chain(*collect, largest, advance)
