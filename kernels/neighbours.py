@@ -295,11 +295,11 @@ def compare_motion(
     it passes a wall: that stands still, and is listed with a skin of its own.
     """
     block = first + wp.tid()
-    place = place_of(block, grid.blocks)
-    bx, by, bz = place[0], place[1], place[2]
     least, most = wp.vec3(lower[block]), wp.vec3(upper[block])
     strain = float(0.0)
     if least[0] <= most[0]:
+        place = place_of(block, grid.blocks)
+        bx, by, bz = place[0], place[1], place[2]
         edge = float(BLOCK_EDGE) / grid.inverse_edge
         alone = wp.length(wp.max(-least, most))
         strain = 2.0 * alone / (2.0 * edge - support)
