@@ -25,7 +25,7 @@ SHORT_ROWS = REORDER_SUMS + (
     " -mllvm=-force-vector-interleave=1 -mllvm=-force-vector-width=16"
     " -mllvm=-prefer-predicate-over-epilogue=predicate-else-scalar-epilogue"
 )
-# In space the long lists are served faster by a load for each neighbour than by gathers (measured on Zen 5).
+# A load for each neighbour rather than gathers, which wait for the slowest of eight (measured on Zen 5).
 LOAD_ONE_BY_ONE = " -target-feature +prefer-no-gather" if platform.machine() in ("x86_64", "AMD64") else ""
 
 
@@ -150,10 +150,10 @@ def one_of_three(values: wp.array[float], f: int) -> float:
 NUMBER_OF: Mapping[int, wp.Function] = {2: one_of_two, 3: one_of_three}  # by the number of fluids; else looked up
 
 
-def compiler_options(dimensions: int = 2, neighbours: str = "lists") -> dict[str, str]:
-    """Module options of a kernel whose loop may be run several pairs at a time."""
+def compiler_options(one_by_one: bool = False, neighbours: str = "lists") -> dict[str, str]:
+    """Module options of a kernel whose loop may be run several pairs at a time, or loads its neighbours one by one."""
     flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
-    flags += SHORT_ROWS if neighbours == "cells" else LONG_ROWS + (LOAD_ONE_BY_ONE if dimensions == 3 else "")
+    flags += SHORT_ROWS if neighbours == "cells" else LONG_ROWS + (LOAD_ONE_BY_ONE if one_by_one else "")
     return {"cpu_compiler_flags": flags}
 
 
@@ -192,13 +192,13 @@ def rates_kernel(
     load, packed = layout.load[formulas.dimensions], layout.packed
     its_fluid = same_fluid if formulas.fluid_count == 1 else fluid_of
     number_of = NUMBER_OF.get(formulas.fluid_count, looked_up)
-    dimensions, neighbours = formulas.dimensions, formulas.neighbours
+    neighbours, one_by_one = formulas.neighbours, formulas.dimensions == 3 or not momentum
     by_list, by_cells = neighbours == "lists", neighbours == "cells"
     by_column = by_list and layout.by_column
     diffusive, by_gradient = momentum and formulas.diffusion != "none", formulas.diffusion in BY_GRADIENT
     xsph, tensioned = continuity and formulas.xsph, momentum and formulas.tensile_correction
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(dimensions, neighbours))
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(one_by_one, neighbours))
     def rates(
         first: int,
         grid: CellGrid,
