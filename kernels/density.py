@@ -105,7 +105,7 @@ def rest_density(
     depth = parameters.still_level[f] - float(position[i][2])
     if depth > -1.0e30:
         density_out[i] = density_of(
-            -parameters.rest_density[f] * parameters.gravity[2] * wp.max(depth, 0.0),
+            -parameters.rest_density[f] * parameters.hydrostatic[2] * wp.max(depth, 0.0),
             parameters.rest_density[f],
             parameters.sound_speed[f],
             parameters.stiffening[f],

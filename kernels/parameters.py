@@ -20,7 +20,8 @@ class Parameters:
     row_stride: int  # entry k of row i lies at i row_stride + k column_stride
     column_stride: int
     # forces
-    gravity: wp.vec3  # [m/s2]
+    gravity: wp.vec3  # and the body force [m/s2]
+    hydrostatic: wp.vec3  # gravity alone, which fluid at rest carries by its pressure [m/s2]
     viscosity_beta: float  # beta of eq 58
     xsph: float  # epsilon of eq 40
     diffusion: float  # delta of the density diffusion

@@ -223,7 +223,7 @@ def rates_kernel(
         x_i, y_i, z_i, V_i, u_i, v_i, w_i, p_i = load(position_volume, velocity_pressure, i)
         c_i, alpha_i = parameters.sound_speed[fluid_i], parameters.alpha[fluid_i]
         rho_i, rho0_i = parameters.mass[fluid_i] / V_i, parameters.rest_density[fluid_i]
-        g_x, g_y, g_z = parameters.gravity[0], parameters.gravity[1], parameters.gravity[2]
+        g_x, g_y, g_z = parameters.hydrostatic[0], parameters.hydrostatic[1], parameters.hydrostatic[2]
 
         pressure_x, pressure_y, pressure_z = float(0.0), float(0.0), float(0.0)
         dissipative_x, dissipative_y, dissipative_z = float(0.0), float(0.0), float(0.0)

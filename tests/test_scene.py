@@ -548,8 +548,9 @@ def test_the_manual_names_every_field():
 
 
 def test_the_scenes_of_the_manual_load(load):
-    plane, space, walls, bodies = re.findall(r"```yaml\n(.*?)```", MANUAL, re.DOTALL)
+    plane, space, walls, images, bodies = re.findall(r"```yaml\n(.*?)```", MANUAL, re.DOTALL)
     assert len(place(load(plane)).position) == 50 * 15
+    assert [image.name for image in load(plane + images).images] == ["bed", "along"]
     assert [solid.body.name for solid in place(load(plane + bodies)).solids] == ["crate", "paddle"]
     assert len(place(load(space)).position) == 25 * 10 * 10
     flume = re.sub(r"walls:\n.*\n", walls, space).replace("above: tank", "above: flume")

@@ -29,17 +29,10 @@ class Gauges:
             np.stack([np.full_like(z, gauge.x), np.full_like(z, gauge.y or 0.0), z], axis=1)
             for gauge, z in zip(gauges, self._heights, strict=True)
         ]
+        self._model, self._state, self._cells = model, state, neighbours.cells
         device = model.launcher.device
-        points = wp.array(np.concatenate(points), dtype=wp.vec3, device=device)
-        self._fraction = wp.zeros(len(points), dtype=float, device=device)
-        self._measure = model.launcher.record(
-            volume_fraction_kernel(model.scene.smoothing.kernel),
-            len(points),
-            [
-                *(model.grid, model.parameters, model.support + model.longest_motion, neighbours.cells.start),
-                *(points, state.position_volume, self._fraction),
-            ],
-        )
+        self._points = wp.array(np.concatenate(points), dtype=wp.vec3, device=device)
+        self._fraction = wp.zeros(len(self._points), dtype=float, device=device)
 
     def _column(self, bottom: float, top: float) -> np.ndarray:
         """Heights at which a gauge looks [m]: two at least, so that one above all fluid is dry."""
@@ -49,7 +42,15 @@ class Gauges:
         """Level at each gauge [m]; the bottom of the gauge where it is dry."""
         if not self.names:
             return []
-        self._measure()
+        model = self._model
+        model.launcher.run(
+            volume_fraction_kernel(model.scene.smoothing.kernel),
+            len(self._points),
+            [
+                *(model.grid, model.parameters, model.support + model.longest_motion, self._cells.start),
+                *(self._points, self._state.position_volume, self._fraction),
+            ],
+        )
         ends = np.cumsum([len(z) for z in self._heights])[:-1]
         fractions = np.split(self._fraction.numpy(), ends)
         return [surface(z, fraction, LEAST_SAMPLES) for z, fraction in zip(self._heights, fractions, strict=True)]

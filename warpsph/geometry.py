@@ -15,6 +15,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from warpsph.images import Edge, find_edges, find_images
+from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.outline import Array
 from warpsph.scene import Fluid, Scene
 from warpsph.solids import Solid, place_bodies, refuse_behind
@@ -233,6 +235,7 @@ def place(scene: Scene) -> Placement:
     walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
     _refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
     solids = place_bodies(scene, walls)
+    edges, _ = find_edges(scene)
     warnings: list[str] = []
     placed: list[Array] = []
     depths: list[Array] = []
@@ -250,13 +253,14 @@ def place(scene: Scene) -> Placement:
         if not free.any():
             taken = "every site of it is taken by an earlier fluid" if len(sites) else "not one particle fits in it"
             raise scene.error(path, f"{taken}, at a spacing of {scene.spacing:g} m")
+        _refuse_beyond(scene, path, edges, sites)
         placed.append(sites[free])
         depths.append(depth[free] * fluid.hydrostatic)
         cell = scene.spacing**scene.dimensions
         volumes.append(solid(scene, fluid.shape).volume / len(sites) if fluid.shape else cell)
         warnings += doubts
 
-    position = np.concatenate(placed)
+    position = np.concatenate([_jittered(scene, i, sites) for i, sites in enumerate(placed)])
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)
@@ -270,7 +274,7 @@ def place(scene: Scene) -> Placement:
     nowhere = np.empty((0, 3))  # a scene may have no walls
     placement = Placement(
         position=position,
-        velocity=np.repeat(velocity, counts, axis=0),
+        velocity=np.repeat(velocity, counts, axis=0) + _waves(scene, position, counts),
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         initial_depth=np.concatenate(depths),
         volume=np.array(volumes),
@@ -282,11 +286,76 @@ def place(scene: Scene) -> Placement:
         wall_area=np.concatenate([np.empty(0), *(areas for _, _, areas in samples)]),
         sides=tuple(sides),
         solids=tuple(solids),
-        ground=float(drawn[:, 2].min()),
+        ground=float(drawn[:, 2].min()) - (0.0 if walls or not edges else 0.5 * scene.spacing),
         warnings=(),
     )
+    if edges and walls:
+        placement = _repeat_walls(scene, placement)
     warnings += _doubts(scene, placement, drawn) + _slow_sound(scene, drop_height(placement))
     return replace(placement, warnings=tuple(warnings))
+
+
+def _waves(scene: Scene, position: Array, counts: Sequence[int]) -> Array:
+    """Velocity of the shear waves at each place, shape [n, 3]; `counts` are the particles of each fluid."""
+    velocity = np.zeros_like(position)
+    for fluid, mine in zip(scene.fluids, np.split(np.arange(len(position)), np.cumsum(counts)[:-1]), strict=True):
+        if wave := fluid.shear_wave:
+            velocity[mine, 0] = wave.speed * np.sin(2.0 * np.pi * position[mine, 2] / wave.wavelength)
+    return velocity
+
+
+def _jittered(scene: Scene, index: int, sites: Array) -> Array:
+    """Sites of a fluid off their lattice by its jitter, the same on every run, shape [n, 3]."""
+    reach = scene.fluids[index].jitter * scene.spacing
+    if not reach:
+        return sites
+    off = np.random.default_rng(index).uniform(-reach, reach, sites.shape)
+    return sites + off * ([1.0, 0.0, 1.0] if scene.dimensions == 2 else 1.0)
+
+
+def _refuse_beyond(scene: Scene, path: str, edges: Sequence[Edge], sites: Array) -> None:
+    """Raise SceneError where a fluid reaches beyond a mirror or a periodic edge."""
+    for edge in edges:
+        inside = sites @ edge.normal - edge.offset
+        if inside.min() < -LATTICE_SLACK * scene.spacing:
+            lost = int(np.sum(inside < 0.0))
+            words = f"{lost} of {len(sites)} particles lie beyond '{edge.name}', the farthest at "
+            raise scene.error(path, words + _spot(scene, sites[inside.argmin()]))
+
+
+def _repeat_walls(scene: Scene, placement: Placement) -> Placement:
+    """Walls go on beyond mirrors and periodic edges as their images; what was drawn beyond is left out."""
+    points = placement.wall_position
+    reach = 2.0 * SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+    everything = np.concatenate([points, placement.position])
+    edges, images = find_images(scene, reach, everything.min(axis=0), everything.max(axis=0))
+
+    def inside(x: Array, slack: float) -> NDArray[np.bool_]:
+        return np.all([x @ edge.normal - edge.offset >= -slack for edge in edges], axis=0)
+
+    slack = LATTICE_SLACK * scene.spacing
+    kept = np.flatnonzero(inside(points, slack))
+    taken, turns, seen = [kept], [np.tile(np.eye(3), (len(kept), 1, 1))], [points[kept]]
+    for image in images:
+        copies = points[kept] @ image.rotation.T + image.translation
+        fresh = inside(copies, reach) & ~near(copies, np.concatenate(seen), 0.1 * scene.wall_spacing)
+        taken.append(kept[fresh])
+        turns.append(np.tile(image.rotation, (int(fresh.sum()), 1, 1)))
+        seen.append(copies[fresh])
+    index, turn = np.concatenate(taken), np.concatenate(turns)
+
+    def turned(vectors: Array) -> Array:
+        return np.einsum("nij,nj->ni", turn, vectors[index])
+
+    return replace(
+        placement,
+        wall_position=np.concatenate(seen),
+        wall_normal=turned(placement.wall_normal),
+        wall_before=turned(placement.wall_before),
+        wall_after=turned(placement.wall_after),
+        wall_index=placement.wall_index[index],
+        wall_area=placement.wall_area[index],
+    )
 
 
 def behind_walls(placement: Placement, position: Array) -> NDArray[np.bool_]:
@@ -305,6 +374,13 @@ def drop_height(placement: Placement) -> float:
     """How far the highest particle, or body that is free to, can fall [m]."""
     tops = [solid.samples[:, 2].max() for solid in placement.solids if solid.body.motion is None]
     return max(float(max([placement.position[:, 2].max(), *tops])) - placement.ground, 0.0)
+
+
+def typical_speed(scene: Scene, placement: Placement) -> float:
+    """A speed [m/s] for the colours of pictures: that of a fall, or, where nothing falls, of what is given to move."""
+    given = [float(np.linalg.norm(placement.velocity, axis=1).max())]
+    given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
+    return 0.7 * math.sqrt(2.0 * scene.gravity * drop_height(placement)) or max(given)
 
 
 def _slow_sound(scene: Scene, drop: float) -> list[str]:
@@ -343,6 +419,12 @@ def _doubts(scene: Scene, placement: Placement, drawn: Array) -> list[str]:
         for i, fluid in enumerate(scene.fluids):
             if fluid.hold:
                 doubts.append(scene.error(f"fluids[{i}].hold", "there is no warm_up to hold it through"))
+    for i, gauge in enumerate(scene.gauges):
+        x, reach = np.array([gauge.x, gauge.y or 0.0, 0.0]), 2.0 * scene.smoothing_length
+        for edge in find_edges(scene)[0]:
+            if abs(edge.normal[2]) < 1e-9 and x @ edge.normal - edge.offset < reach:
+                words = f"stands closer than 2 h = {reach:.3g} m to '{edge.name}', beyond which it sees no fluid"
+                doubts.append(scene.error(f"gauges[{i}]", words))
     if scene.walls:
         falling = _without_ground(placement.position, drawn, scene.spacing)
         for i in np.unique(placement.fluid[falling]):

@@ -7,6 +7,7 @@ import warp as wp
 
 from warpsph.cells import Cells, cell_grid
 from warpsph.geometry import Placement
+from warpsph.images import Edge, Image, find_images, image_struct
 from warpsph.kernels.neighbours import BLOCK_EDGE, CellGrid, mark_walls
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
@@ -38,6 +39,8 @@ class Model:
         initial_fluid: Index into `scene.fluids`, shape [particle_count].
         ground: Height of the lowest point of the walls [m].
         grid: Cells over the scene.
+        images: Mirrors and periodic edges as kernels read them; None where there are none.
+        edges, seen_images: The same on the host, as `find_images` gives them.
         wall_position: Wall points [m], on the device, sorted by cell, shape [wall_count].
         wall_velocity: Theirs, 0 [m/s], shape [wall_count].
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count].
@@ -80,6 +83,14 @@ class Model:
         )
         self.parameters = self._parameters(scene, placement, materials)
         lower, upper = extent(placement)
+        self.images, self.edges, self.seen_images = None, list[Edge](), list[Image]()
+        if scene.images:
+            self.edges, self.seen_images = find_images(scene, self.list_radius, lower, upper)
+            self.images = image_struct(self.edges, self.seen_images, device)
+            # Ghosts stand beyond the edges.
+            lower, upper = lower - self.list_radius, upper + self.list_radius
+            if scene.dimensions == 2:
+                lower[1], upper[1] = 0.0, 0.0
         self.grid = cell_grid(lower, upper, self.list_radius, scene.dimensions, self.particle_count)
         # Lists are made anew before any particle has gone farther than this since it was listed [m].
         self.longest_motion = int(BLOCK_EDGE) / self.grid.inverse_edge - 0.5 * self.support
@@ -112,7 +123,8 @@ class Model:
         p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
         p.list_radius = self.list_radius
         self.set_list_capacity(p, math.ceil(ROOM * lattice))
-        p.gravity = wp.vec3(0.0, 0.0, -scene.gravity)
+        p.gravity = wp.vec3(*scene.acceleration)
+        p.hydrostatic = wp.vec3(0.0, 0.0, -scene.gravity)
         p.viscosity_beta = scene.viscosity_beta
         p.xsph = scene.xsph
         p.diffusion = scene.density_diffusion.delta

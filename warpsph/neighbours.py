@@ -5,6 +5,7 @@ from collections.abc import Callable
 import warp as wp
 
 from warpsph.cells import Cells
+from warpsph.ghosts import Ghosts
 from warpsph.kernels import neighbours as kernels
 from warpsph.launch import Launch, alias
 from warpsph.model import Model
@@ -18,6 +19,7 @@ class Neighbours:
         cells: The particles' cells at the time of listing.
         are_listed: Whether there are lists of neighbours; if not, pair loops walk the cells.
         count, list: Neighbours of i are list[i row_stride + k column_stride], k < count[i].
+        ghosts: What is seen through images; None where there are none.
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
         rebuilds: How often the lists were built.
     """
@@ -35,6 +37,7 @@ class Neighbours:
         self.wall_first = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
+        self.ghosts = Ghosts(model, state, self.cells, self.count) if model.images else None
         self._record()
         self._permute = self._record_permutation()
 
@@ -68,6 +71,8 @@ class Neighbours:
 
     def rebuild(self) -> bool:
         """Sort the particles by cell and list their neighbours where they are now. Returns as `relist` does."""
+        if self.ghosts:
+            self.ghosts.fold()
         self._round()
         self.cells.sort()
         for launch in self._permute:
@@ -84,15 +89,23 @@ class Neighbours:
         return self._fill_lists()
 
     def _fill_lists(self) -> bool:
+        has_more_ghosts = bool(self.ghosts) and self.ghosts.make()
+        if has_more_ghosts:
+            self._permute = self._record_permutation()
         if self.are_listed:
-            self._list()
+            self._list_all()
         self._count_walls()
         wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
-        grown = self._grow()
+        grown = self._grow() or has_more_ghosts
         self._list_walls()
         self.state.stale.zero_()
         self.rebuilds += 1
         return grown
+
+    def _list_all(self) -> None:
+        self._list()
+        if self.ghosts:
+            self.ghosts.append(self.list)
 
     def _grow(self) -> bool:
         """Make room where a row or the wall list was too short."""
@@ -106,6 +119,6 @@ class Neighbours:
             model.set_list_capacity(model.parameters, capacity + capacity // 4 + 1)
             self.list = wp.zeros(model.particle_count * model.parameters.list_capacity, dtype=int, device=device)
             self._record()
-            self._list()
+            self._list_all()
             grown = True
         return grown

@@ -7,9 +7,11 @@ from itertools import cycle
 from pathlib import Path
 
 import numpy as np
+from pxr import Gf
 
 import warpsph
-from warpsph.geometry import drop_height
+from warpsph.geometry import typical_speed
+from warpsph.images import mirror_lines, periods
 from warpsph.preview import BODY_PALETTE, FrameWriter, animate, fluid_colors, gauge_picture, window_around
 from warpsph.report import write_report
 from warpsph.scene import Scene
@@ -34,6 +36,10 @@ class Outputs:
             body.name: DrawnBody(*solid.corners(), body.color or color)
             for body, solid, color in zip(scene.bodies, simulation.placement.solids, cycle(BODY_PALETTE), strict=False)
         }
+        everything = np.concatenate([simulation.placement.position, simulation.placement.wall_position])
+        drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
+        mirrors = mirror_lines(scene, everything.min(axis=0), everything.max(axis=0))
+        crossings = periods(scene)
         self._frame = resume_at or 0
         self._writer, self._writing = ThreadPoolExecutor(1), None
         self._pictures: FrameWriter | None = None
@@ -41,7 +47,7 @@ class Outputs:
         if scene.output.pictures:
             particles = simulation.placement.position[:, ::2]
             view = scene.output.view
-            lines = [line for wall in walls.values() for line in wall.lines()]
+            lines = [*(line for wall in walls.values() for line in wall.lines()), *mirrors.values()]
             seen = [particles, *lines, *(solid.samples[:, ::2] for solid in simulation.placement.solids)]
             self._pictures = FrameWriter(
                 folder / "preview",
@@ -51,19 +57,21 @@ class Outputs:
                 bodies=list(bodies.values()),
                 spacing=scene.spacing,
                 window=(view.x, view.z) if view else window_around(np.concatenate(seen), scene.spacing),
-                speed_scale=_round(0.7 * math.sqrt(2.0 * scene.gravity * drop_height(simulation.placement))),
+                speed_scale=scene.output.speed_scale or _round(typical_speed(scene, simulation.placement)),
             )
         if scene.output.usd:
             self._cache = UsdCache(
                 folder / "usd",
                 fluids=fluids,
-                walls={
-                    name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()
-                },
+                walls=drawn | mirrors,
                 bodies=bodies,
                 spacing=scene.spacing,
                 frames_per_second=scene.output.frames_per_second,
-                provenance={"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
+                provenance={
+                    **{"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
+                    # Across these a particle may turn up on the other side from one frame to the next.
+                    **({"periods": {name: Gf.Vec3d(*by) for name, by in crossings.items()}} if crossings else {}),
+                },
                 resume_at=resume_at,
             )
 

@@ -10,6 +10,7 @@ SI units throughout, z up, angles in degrees. A point is [x, z], in a 3-D scene 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -280,6 +281,59 @@ class WallModel(Part):
         return self
 
 
+class Mirror(Part):
+    """A plane wall, seen as a mirror: the fluid goes on behind it as its own image."""
+
+    point: Point = Field(description="A point of the plane [x, z], in 3-D [x, y, z] [m].")
+    normal: Point = Field(description="Direction across the plane, into the fluid; of any length [-].")
+    velocity_rule: Literal["free_slip", "no_slip_opposite", "no_slip_wall", "takeda"] = Field(
+        "free_slip",
+        description="Velocity of the image that friction sees [-]: mirrored, opposite, that of the wall, or "
+        "extrapolated linearly from the wall.",
+    )
+    velocity: Point | None = Field(None, description="Velocity of the wall, along itself [m/s]; at rest when absent.")
+
+    @model_validator(mode="after")
+    def _slides_along_itself(self) -> Mirror:
+        if not any(self.normal):
+            raise _fault("has no direction", "normal")
+        if self.velocity:
+            if len(self.velocity) != len(self.normal):
+                raise _fault(f"{len(self.normal)} numbers are needed, as in normal", "velocity")
+            across = sum(u * n for u, n in zip(self.velocity, self.normal, strict=True))
+            if abs(across) > 1e-6 * math.hypot(*self.velocity) * math.hypot(*self.normal):
+                raise _fault("must be along the wall; a mirror stays where it is", "velocity")
+            if self.velocity_rule == "free_slip":
+                raise _fault("means nothing to a fluid that slips; choose another velocity_rule", "velocity")
+        return self
+
+
+class Periodic(Part):
+    """A pair of parallel plane edges that are the same place: what leaves through one comes in through the other."""
+
+    start: Point = Field(description="A point of one edge [x, z], in 3-D [x, y, z] [m].")
+    end: Point = Field(description="The same point on the other edge, straight across [m].")
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Periodic:
+        if self.start == self.end:
+            raise _fault("must not be start", "end")
+        return self
+
+
+class Image(Part):
+    """A mirror or a periodic pair of edges. All fluid lies on its inner side."""
+
+    name: Name = Field(description="Name of the image [-].")
+    mirror: Mirror | None = Field(None, description="A mirror.")
+    periodic: Periodic | None = Field(None, description="A periodic pair instead.")
+
+    @model_validator(mode="after")
+    def _is_one_image(self) -> Image:
+        self._need_one_of("mirror", "periodic")
+        return self
+
+
 class DensityDiffusion(Part):
     """Diffusion of density between particles of one fluid, which keeps the pressure smooth."""
 
@@ -331,6 +385,13 @@ class Lattice(Part):
     )
 
 
+class ShearWave(Part):
+    """A start at which layers slide along x past each other: u = speed sin(2 pi z / wavelength)."""
+
+    speed: Real = Field(description="Greatest speed, along x [m/s].")
+    wavelength: Positive = Field(description="Length of the wave, along z [m].")
+
+
 class Fluid(Part):
     """A body of fluid, from a shape or from a fill."""
 
@@ -343,6 +404,10 @@ class Fluid(Part):
     velocity: Point = Field(
         (0.0, 0.0), description="Velocity at the start [u, w], in 3-D [u, v, w] [m/s]; at rest when absent."
     )
+    shear_wave: ShearWave | None = Field(None, description="A wave of the velocity on top; none when absent.")
+    jitter: Annotated[Real, Field(ge=0, le=0.5)] = Field(
+        0.0, description="How far at most particles stand off their lattice at the start, each way, in spacings [-]."
+    )
     hydrostatic: Switch = Field(
         True, description="Whether it starts with the density that hydrostatic pressure below its own top gives [-]."
     )
@@ -351,8 +416,8 @@ class Fluid(Part):
     @model_validator(mode="after")
     def _is_one_body(self) -> Fluid:
         self._need_one_of("shape", "fill")
-        if self.hold and any(self.velocity):
-            raise _fault("a held fluid starts at rest", "velocity")
+        if self.hold and (any(self.velocity) or self.shear_wave):
+            raise _fault("a held fluid starts at rest", "velocity" if any(self.velocity) else "shear_wave")
         if self.fill is not None and self.lattice is not None:
             raise _fault("goes with a shape; a fill has a lattice of its own", "lattice")
         return self
@@ -531,6 +596,9 @@ class Output(Part):
     usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
     checkpoint_every: Positive = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
     view: View | None = Field(None, description="Window of the pictures [m]; around everything when absent.")
+    speed_scale: Positive | None = Field(
+        None, description="Speed at which the colours of the pictures end [m/s]; a guess from gravity when absent."
+    )
 
 
 class Scene(Part):
@@ -543,6 +611,9 @@ class Scene(Part):
     )
     spacing: Positive = Field(description="Particle spacing dx [m].")
     gravity: NotNegative = Field(9.81, description="Gravity along -z [m/s2].")
+    body_force: Point | None = Field(
+        None, description="Acceleration of all fluid besides gravity [u, w], in 3-D [u, v, w] [m/s2]; none when absent."
+    )
     smoothing: Smoothing = Field(Smoothing(), description="The smoothing kernel.")
     materials: Annotated[dict[Name, Material], Field(min_length=1)] = Field(description="Materials by name.")
     viscosity: Literal["signal", "monaghan"] = Field(
@@ -557,6 +628,7 @@ class Scene(Part):
     )
     walls: tuple[Wall, ...] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
+    images: tuple[Image, ...] = Field((), description="Mirrors and periodic edges.")
     fluids: Annotated[tuple[Fluid, ...], Field(min_length=1)] = Field(
         description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
     )
@@ -573,6 +645,12 @@ class Scene(Part):
     def smoothing_length(self) -> float:
         """h [m]."""
         return self.smoothing.ratio * self.spacing
+
+    @property
+    def acceleration(self) -> tuple[float, float, float]:
+        """Gravity and the body force [m/s2], shape [3]."""
+        x, *y, z = self.body_force or (0.0, 0.0)
+        return x, y[0] if y else 0.0, z - self.gravity
 
     @property
     def wall_spacing(self) -> float:
@@ -617,8 +695,15 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
     if scene.neighbours == "cells" and scene.density_diffusion.model == "antuono":
         yield "neighbours", "antuono's diffusion of density needs lists"
+    if scene.neighbours == "cells" and scene.images:
+        yield "neighbours", "images need lists"
     yield from _misplaced(scene)
-    for kind in ("walls", "fluids", "bodies", "gauges"):
+    if scene.images:
+        if scene.bodies:
+            yield "bodies", "a scene with images has no bodies: they would not be seen through them"
+        if scene.density_diffusion.model == "antuono":
+            yield "density_diffusion.model", "antuono does not know images; take fourtakas"
+    for kind in ("walls", "images", "fluids", "bodies", "gauges"):
         seen: dict[str, int] = {}
         for i, part in enumerate(getattr(scene, kind)):
             # Records are files named after the part, and some file systems do not tell A from a.
@@ -666,6 +751,11 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
 
     for i, wall in enumerate(scene.walls):
         sort_out(f"walls[{i}]", wall)
+    points["body_force"] = scene.body_force
+    for i, image in enumerate(scene.images):
+        for kind, names in {"mirror": ("point", "normal", "velocity"), "periodic": ("start", "end")}.items():
+            if part := getattr(image, kind):
+                points |= {f"images[{i}].{kind}.{name}": getattr(part, name) for name in names}
     for i, fluid in enumerate(scene.fluids):
         points[f"fluids[{i}].velocity"] = fluid.velocity
         if fluid.lattice:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpsph.images import folded
 from warpsph.kernels.density import BY_GRADIENT
 from warpsph.model import Model
 
@@ -48,6 +49,7 @@ class State:
 
     Position and density are integrated in double precision; the pair loops read them rounded, packed as
     (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads. In a plane v, which is 0, makes room for x.
+    Ghosts, if there are any, stand behind the particles.
     """
 
     # A particle's own history: permuted when slots are sorted.
@@ -69,7 +71,7 @@ class State:
             return wp.array(values, dtype=dtype, device=device)
 
         self.id = array(np.arange(count), int)
-        self.fluid = array(model.initial_fluid, int)
+        self.fluid = self.fluid_and_ghosts = array(model.initial_fluid, int)
         self.position = array(model.initial_position, wp.vec3d)  # [m]
         self.velocity = array(model.initial_velocity, wp.vec3)  # [m/s]
         self.density = array(model.initial_density, wp.float64)  # [kg/m3]
@@ -81,8 +83,7 @@ class State:
         self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
 
         # Within a step.
-        self.packed = zeros(wp.vec4, 2 * count)
-        self.position_volume, self.velocity_pressure = self.packed[:count], self.packed[count:]
+        self._pack(0)
         self.pressure_acceleration = zeros(wp.vec3)  # [m/s2]
         self.dissipative_acceleration = zeros(wp.vec3)
         self.wall_acceleration = zeros(wp.vec3)
@@ -127,16 +128,33 @@ class State:
         self.fault = zeros(int, 1)  # what is wrong with the first absurd particle
         self.fault_slot = zeros(int, 1)
 
+    def _pack(self, room: int) -> None:
+        length = self.model.particle_count + room
+        self.packed = wp.zeros(2 * length, dtype=wp.vec4, device=self.model.launcher.device)
+        self.position_volume, self.velocity_pressure = self.packed[:length], self.packed[length:]
+
+    def make_room(self, room: int) -> None:
+        """Room for so many ghosts behind the particles, in the arrays that pair loops read; what they held is lost.
+
+        Launches that were bound to them must be recorded anew.
+        """
+        length = self.model.particle_count + room
+        self.fluid_and_ghosts = wp.zeros(length, dtype=int, device=self.model.launcher.device)
+        self._pack(room)
+
     def snapshot(self) -> Snapshot:
         """Copy the fluid to the host, in id order."""
         order = np.argsort(self.id.numpy(), kind="stable")
         density = self.density.numpy()[order]
         fluid = self.fluid.numpy()[order]
+        position, velocity = folded(
+            self.model.edges, self.model.seen_images, self.position.numpy()[order], self.velocity.numpy()[order]
+        )
         return Snapshot(
             time=float(self.time.numpy()[0]),
             step=int(self.step.numpy()[0]),
-            position=self.position.numpy()[order],
-            velocity=self.velocity.numpy()[order],
+            position=position,
+            velocity=velocity,
             density=density,
             pressure=self.model.pressure(density, fluid),
             fluid=fluid,

@@ -39,7 +39,7 @@ class Step:
         )
         self._rebuild()
         self._record()
-        self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
+        self._pack()
         self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
 
     def __call__(self) -> None:
@@ -80,7 +80,13 @@ class Step:
             grown |= self.bodies.relist()
         self._bind(grown)
         self.state.stale.fill_(stale)
-        self.stages["drift, pressure"]()  # with dt = 0: packs position and pressure
+        self._pack()
+
+    def _pack(self) -> None:
+        """Pack position and pressure, where there is no step before to have done it; dt is 0."""
+        self.stages["drift, pressure"]()
+        if self.neighbours.ghosts:
+            self.neighbours.ghosts.move()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
@@ -101,13 +107,14 @@ class Step:
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
-        launcher, bodies = self.model.launcher, self.bodies
+        launcher, bodies, ghosts = self.model.launcher, self.bodies, self.neighbours.ghosts
         finish_density = launcher.record(
             integrators.finish_density, self.model.particle_count, [s.dt, s.density_rate, s.density]
         )
         # What does not wait for all particles is chained: threads that meet less often wait less.
         self.stages = {
             "drift, pressure": self._drift_half(),  # position and density to n+1/2
+            **({"ghosts": ghosts.move} if ghosts else {}),  # as mirrors and periodic edges show the particles now
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
             **self._gradients(),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
@@ -115,11 +122,13 @@ class Step:
             **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),  # the reaction
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
+            **({"ghosts at the end": ghosts.move} if ghosts else {}),
             # Continuity and XSPH; density to n+1; how far particles have moved, the extremes of each block.
             "pair loop: continuity, density, watch": launcher.chain(
                 self._sweep(momentum=False), finish_density, self._bound_motion(), self._watch()
             ),
             "life of the lists": self._compare_motion(),
+            **({"life of the lists, ghosts": ghosts.compare_motion()} if ghosts else {}),
             **({"limits by bodies": bodies.watch()} if bodies else {}),
             "clock": self._clock(),  # time and the next step
         }
@@ -145,7 +154,7 @@ class Step:
             m.particle_count,
             [
                 *(m.grid, m.parameters),
-                *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid),
+                *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid_and_ghosts),
                 *(s.pressure_gradient, n.count, n.list, n.cells.start, s.listed_position),
                 *(s.pressure_acceleration, s.dissipative_acceleration),
                 *(s.density_rate, s.diffusion_rate, s.xsph_velocity),

@@ -142,7 +142,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
         str(name): _plain(value)
         if isinstance(value, Mapping)
         else value
-        if isinstance(value, (bool, int, float, str))
+        if isinstance(value, (bool, int, float, str, Gf.Vec3d))
         else str(value)
         for name, value in values.items()
     }
