@@ -82,6 +82,7 @@ class Cloud:
         p.list_capacity = n - 1
         p.row_stride, p.column_stride = (1, n) if by_column else (n - 1, 1)
         p.gravity = wp.vec3(0.0, 0.0, -9.81)
+        p.hydrostatic = p.gravity
         fields = {
             "mass": REST_DENSITY * spacing**2,
             "rest_density": REST_DENSITY,
