@@ -373,6 +373,28 @@ def watch_blocks(
     fault_slot_out[block] = slot
 
 
+@wp.kernel(enable_backward=False)
+def collect_blocks(
+    first: int,
+    count: int,
+    block_size: int,
+    dt_limit: wp.array[float],
+    fault_slot: wp.array[int],
+    dt_limit_out: wp.array[float],
+    fault_slot_out: wp.array[int],
+):
+    """Least dt limit and first faulty slot of `block_size` blocks in a row: fewer for the one thread of the clock."""
+    top = first + wp.tid()
+    least = float(wp.inf)
+    slot = int(-1)
+    for b in range(top * block_size, wp.min((top + 1) * block_size, count)):
+        least = wp.min(least, dt_limit[b])
+        if slot < 0:
+            slot = fault_slot[b]
+    dt_limit_out[top] = least
+    fault_slot_out[top] = slot
+
+
 @wp.func
 def aim(time: wp.float64, target: wp.float64, dt_limit: float) -> float:
     """The next step: the limit, shortened so that a whole number of equal steps ends at the target."""

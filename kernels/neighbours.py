@@ -47,6 +47,22 @@ def cell_at(grid: CellGrid, x: wp.vec3) -> wp.vec3i:
 
 
 @wp.func
+def cell_number(grid: CellGrid, x: wp.vec3) -> int:
+    """Number of the cell in which x lies."""
+    k = cell_at(grid, x)
+    return (k[2] * grid.count[1] + k[1]) * grid.count[0] + k[0]
+
+
+@wp.func
+def row_offset(grid: CellGrid, row: int) -> int:
+    """From a cell to that of the same place in one of the rows around, in the order in which lists are filled."""
+    across = 2 * grid.reach[2] + 1
+    b = row / across
+    a = row - b * across
+    return ((a - grid.reach[2]) * grid.count[1] + b - grid.reach[1]) * grid.count[0]
+
+
+@wp.func
 def place_of(number: int, count: wp.vec3i) -> wp.vec3i:
     """Place in its row, row and layer of a cell or block by its number; `count` of them lie along each axis."""
     row = number / count[0]
@@ -67,8 +83,7 @@ def find_cells(
 ):
     """The cell of each point, and the identity permutation to be sorted with it."""
     i = first + wp.tid()
-    k = cell_at(grid, position[i])
-    cell_out[i] = (k[2] * grid.count[1] + k[1]) * grid.count[0] + k[0]
+    cell_out[i] = cell_number(grid, position[i])
     order_out[i] = i
 
 
@@ -280,11 +295,11 @@ def compare_motion(
     it passes a wall: that stands still, and is listed with a skin of its own.
     """
     block = first + wp.tid()
-    place = place_of(block, grid.blocks)
-    bx, by, bz = place[0], place[1], place[2]
     least, most = wp.vec3(lower[block]), wp.vec3(upper[block])
     strain = float(0.0)
     if least[0] <= most[0]:
+        place = place_of(block, grid.blocks)
+        bx, by, bz = place[0], place[1], place[2]
         edge = float(BLOCK_EDGE) / grid.inverse_edge
         alone = wp.length(wp.max(-least, most))
         strain = 2.0 * alone / (2.0 * edge - support)

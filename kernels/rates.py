@@ -11,15 +11,22 @@ import warp as wp
 from .corrections import renormalisation_of_a_body
 from .density import BY_GRADIENT, DENSITY_DIFFUSION
 from .momentum import tensile
+from .neighbours import CellGrid, cell_number, row_offset
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .viscosity import VISCOSITY
 
 # Leave to add the terms of a sum in any order: without it no compiler runs several pairs at once. NaN and infinity keep
-# their meaning. Four vectors of pairs in flight hide each other's gathers. (Options of LLVM, for the CPU; CUDA does not
-# read them.)
-REORDER_SUMS = " -mreassociate -fno-signed-zeros -mllvm=-force-vector-interleave=4"
-# In space the long lists are served faster by a load for each neighbour than by gathers (measured on Zen 5).
+# their meaning. (Options of LLVM, for the CPU; CUDA does not read them.)
+REORDER_SUMS = " -mreassociate -fno-signed-zeros"
+# Four vectors of pairs in flight hide each other's gathers.
+LONG_ROWS = REORDER_SUMS + " -mllvm=-force-vector-interleave=4"
+# A row of cells holds a dozen or so candidates: one vector, with the lanes masked that are too many.
+SHORT_ROWS = REORDER_SUMS + (
+    " -mllvm=-force-vector-interleave=1 -mllvm=-force-vector-width=16"
+    " -mllvm=-prefer-predicate-over-epilogue=predicate-else-scalar-epilogue"
+)
+# A load for each neighbour rather than gathers, which wait for the slowest of eight (measured on Zen 5).
 LOAD_ONE_BY_ONE = " -target-feature +prefer-no-gather" if platform.machine() in ("x86_64", "AMD64") else ""
 
 
@@ -33,6 +40,7 @@ class Formulas:
         renormalised: Whether the divergence of continuity is made exact for linear velocities.
         fluid_count: How many fluids there are; 0 stands for any number.
         dimensions: Of space; in a plane nothing is done about y.
+        neighbours: Where neighbours come from: `lists`, or the `cells` around.
     """
 
     smoothing: str = "wendland_c2"
@@ -43,6 +51,7 @@ class Formulas:
     renormalised: bool = False
     fluid_count: int = 0
     dimensions: int = 3
+    neighbours: str = "lists"
 
 
 @wp.func
@@ -144,10 +153,11 @@ def one_of_three(values: wp.array[float], f: int) -> float:
 NUMBER_OF: Mapping[int, wp.Function] = {2: one_of_two, 3: one_of_three}  # by the number of fluids; else looked up
 
 
-def compiler_options(dimensions: int = 2) -> dict[str, str]:
-    """Module options of a kernel whose loop may be run several pairs at a time."""
+def compiler_options(one_by_one: bool = False, neighbours: str = "lists") -> dict[str, str]:
+    """Module options of a kernel whose loop may be run several pairs at a time, or loads its neighbours one by one."""
     flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
-    return {"cpu_compiler_flags": flags + REORDER_SUMS + (LOAD_ONE_BY_ONE if dimensions == 3 else "")}
+    flags += SHORT_ROWS if neighbours == "cells" else LONG_ROWS + (LOAD_ONE_BY_ONE if one_by_one else "")
+    return {"cpu_compiler_flags": flags}
 
 
 @cache
@@ -177,23 +187,31 @@ def rates_kernel(
 
         du_i = epsilon sum_j m_j / rhobar_ij (u_j - u_i) W_ij
 
+    Neighbours come from lists, one row for each particle, or are whoever stood in the cells around when particles were
+    sorted, one row for each row of cells: more candidates, most of them too far to count, but no memory. A particle
+    meets itself there, and adds nothing to itself.
+
     Components stand by themselves, vectors are put together after the loop: so the compiler can take several neighbours
     at a time.
     """
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
     viscous, psi = VISCOSITY[formulas.viscosity], DENSITY_DIFFUSION[formulas.diffusion]
-    load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
+    load, packed = layout.load[formulas.dimensions], layout.packed
     its_fluid = same_fluid if formulas.fluid_count == 1 else fluid_of
     number_of = NUMBER_OF.get(formulas.fluid_count, looked_up)
+    neighbours, one_by_one = formulas.neighbours, formulas.dimensions == 3 or not momentum
+    by_list, by_cells = neighbours == "lists", neighbours == "cells"
+    by_column = by_list and layout.by_column
     diffusive, by_gradient = momentum and formulas.diffusion != "none", formulas.diffusion in BY_GRADIENT
     plain = continuity and not formulas.renormalised
     renormalised = continuity and formulas.renormalised
     renormalised_in_space = renormalised and formulas.dimensions == 3
     xsph, tensioned = continuity and formulas.xsph, momentum and formulas.tensile_correction
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(formulas.dimensions))
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(one_by_one, neighbours))
     def rates(
         first: int,
+        grid: CellGrid,
         parameters: Parameters,
         position_volume: wp.array[packed],
         velocity_pressure: wp.array[packed],
@@ -201,6 +219,8 @@ def rates_kernel(
         pressure_gradient: wp.array[wp.vec3],
         neighbour_count: wp.array[int],
         neighbour_list: wp.array[int],
+        cell_start: wp.array[int],
+        listed_position: wp.array[wp.vec3],
         pressure_acceleration_out: wp.array[wp.vec3],
         dissipative_acceleration_out: wp.array[wp.vec3],
         density_rate_out: wp.array[float],
@@ -223,63 +243,77 @@ def rates_kernel(
         M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
         L_xx, L_yy, L_zz, L_xy, L_xz, L_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
         stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + neighbour_count[i] * stride
-        while k < end:
-            j = neighbour_list[k]
-            fluid_j = its_fluid(fluid, j, fluid_i)
-            x_j, y_j, z_j, V_j, u_j, v_j, w_j, p_j = load(position_volume, velocity_pressure, j)
-            m_j = number_of(parameters.mass, fluid_j)
-            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
-            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
-            r = wp.sqrt(x * x + y * y + z * z)
-            u_dot_x = u * x + v * y + w * z
-            q = r * parameters.inverse_h
-            s = V_j * slope(q)
-            m_j_over_rhobar = 2.0 * m_j * V_j / (rho_i * V_j + m_j)
+        k, end = int(0), int(0)
+        row, rows, first_cell = int(0), int(1), int(0)
+        if wp.static(by_list):
+            k = i * parameters.row_stride
+            end = k + neighbour_count[i] * stride
+        if wp.static(by_cells):
+            first_cell = cell_number(grid, listed_position[i]) - grid.reach[0]
+            rows = (2 * grid.reach[1] + 1) * (2 * grid.reach[2] + 1)
+        while row < rows:
+            if wp.static(by_cells):
+                cell = first_cell + row_offset(grid, row)
+                k = cell_start[cell]
+                end = cell_start[cell + 2 * grid.reach[0] + 1]
+            while k < end:
+                j = int(k)
+                if wp.static(by_list):
+                    j = neighbour_list[k]
+                fluid_j = its_fluid(fluid, j, fluid_i)
+                x_j, y_j, z_j, V_j, u_j, v_j, w_j, p_j = load(position_volume, velocity_pressure, j)
+                m_j = number_of(parameters.mass, fluid_j)
+                x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+                u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+                r = wp.sqrt(x * x + y * y + z * z)
+                u_dot_x = u * x + v * y + w * z
+                q = r * parameters.inverse_h
+                s = V_j * slope(q)
+                m_j_over_rhobar = 2.0 * m_j * V_j / (rho_i * V_j + m_j)
 
-            if wp.static(momentum):
-                P = s * (p_i + p_j)
-                pressure_x -= P * x
-                pressure_y -= P * y
-                pressure_z -= P * z
-                alpha = 0.5 * (alpha_i + number_of(parameters.alpha, fluid_j))
-                c = 0.5 * (c_i + number_of(parameters.sound_speed, fluid_j))
-                Pi = m_j_over_rhobar * slope(q) * viscous(parameters, alpha, c, u_dot_x, r)
-                if wp.static(tensioned):
-                    Pi += s / rho_i * tensile(parameters, p_i, p_j, shape(q))
-                dissipative_x -= Pi * x
-                dissipative_y -= Pi * y
-                dissipative_z -= Pi * z
-            if wp.static(diffusive):
-                slope_ij = 0.0
-                if wp.static(by_gradient):
-                    G_ij = 0.5 * (pressure_gradient[i] + pressure_gradient[j])
-                    slope_ij = G_ij[0] * x + G_ij[1] * y + G_ij[2] * z
-                psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z), slope_ij)
-                diffused -= wp.where(fluid_i == fluid_j, s * psi_ij, 0.0)
-            if wp.static(plain):
-                divergence += s * u_dot_x
-            if wp.static(renormalised):
-                M_xx -= s * x * x
-                M_zz -= s * z * z
-                M_xz -= s * x * z
-                L_xx -= s * u * x
-                L_zz -= s * w * z
-                L_xz -= s * (u * z + w * x)
-            if wp.static(renormalised_in_space):
-                M_yy -= s * y * y
-                M_xy -= s * x * y
-                M_yz -= s * y * z
-                L_yy -= s * v * y
-                L_xy -= s * (u * y + v * x)
-                L_yz -= s * (v * z + w * y)
-            if wp.static(xsph):
-                weight = m_j_over_rhobar * shape(q)
-                smoothed_x -= weight * u
-                smoothed_y -= weight * v
-                smoothed_z -= weight * w
-            k += stride
+                if wp.static(momentum):
+                    P = s * (p_i + p_j)
+                    pressure_x -= P * x
+                    pressure_y -= P * y
+                    pressure_z -= P * z
+                    alpha = 0.5 * (alpha_i + number_of(parameters.alpha, fluid_j))
+                    c = 0.5 * (c_i + number_of(parameters.sound_speed, fluid_j))
+                    Pi = m_j_over_rhobar * slope(q) * viscous(parameters, alpha, c, u_dot_x, r)
+                    if wp.static(tensioned):
+                        Pi += s / rho_i * tensile(parameters, p_i, p_j, shape(q))
+                    dissipative_x -= Pi * x
+                    dissipative_y -= Pi * y
+                    dissipative_z -= Pi * z
+                if wp.static(diffusive):
+                    slope_ij = 0.0
+                    if wp.static(by_gradient):
+                        G_ij = 0.5 * (pressure_gradient[i] + pressure_gradient[j])
+                        slope_ij = G_ij[0] * x + G_ij[1] * y + G_ij[2] * z
+                    psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z), slope_ij)
+                    diffused -= wp.where(fluid_i == fluid_j, s * psi_ij, 0.0)
+                if wp.static(plain):
+                    divergence += s * u_dot_x
+                if wp.static(renormalised):
+                    M_xx -= s * x * x
+                    M_zz -= s * z * z
+                    M_xz -= s * x * z
+                    L_xx -= s * u * x
+                    L_zz -= s * w * z
+                    L_xz -= s * (u * z + w * x)
+                if wp.static(renormalised_in_space):
+                    M_yy -= s * y * y
+                    M_xy -= s * x * y
+                    M_yz -= s * y * z
+                    L_yy -= s * v * y
+                    L_xy -= s * (u * y + v * x)
+                    L_yz -= s * (v * z + w * y)
+                if wp.static(xsph):
+                    weight = m_j_over_rhobar * shape(q)
+                    smoothed_x -= weight * u
+                    smoothed_y -= weight * v
+                    smoothed_z -= weight * w
+                k += stride
+            row += 1
 
         n = parameters.gradient_norm
         if wp.static(momentum):

@@ -229,9 +229,9 @@ def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False, d
     """
     law, push = WALL_FORCE[force], WALL_PUSH.get(force, no_push)
     slope = SMOOTHING[smoothing].slope
-    by_leg = force in BY_LEG
+    by_leg, one_by_one = force in BY_LEG, dimensions == 3
 
-    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(dimensions))
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(one_by_one))
     def wall_acceleration(
         first: int,
         parameters: Parameters,

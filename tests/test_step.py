@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 
 import warpsph.model
+import warpsph.state
 from warpsph.geometry import place
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.simulation import Simulation
@@ -327,3 +328,27 @@ def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, ove
         simulation.advance(0.08)
         runs.append(bits(simulation))
     assert runs[0] == runs[1] == runs[2] == runs[3]
+
+
+# -------------------------------------------------------------------------------------------------------- the clock
+
+
+@pytest.mark.parametrize("text", [DROP, COLLISION])
+def test_collected_blocks_make_the_same_steps(make_scene, monkeypatch, text):
+    """As on a GPU, up to the particle that becomes absurd."""
+    scene = make_scene(text)
+    found = []
+    for collects in (False, True):
+        monkeypatch.setattr(warpsph.state, "collects_blocks", lambda device, collects=collects: collects)
+        simulation = Simulation(scene, "cpu")
+        assert bool(simulation.state.top_count) == collects
+        simulation.step.aim_at(1.0)
+        simulation.step.run(20)
+        density = simulation.state.density.numpy()
+        density[7] *= 3.0
+        simulation.state.density.assign(density)
+        simulation.step.run(5)
+        fault = int(simulation.state.fault.numpy()[0]), int(simulation.state.fault_slot.numpy()[0])
+        assert fault[0] != 0
+        found.append((bits(simulation), fault))
+    assert found[0] == found[1]

@@ -71,7 +71,7 @@ def check_decorator(function: "DeviceFunction") -> Iterator["Fault"]:
     """No kernel is differentiated; one closed over formulas has a module for itself, with options if need be."""
     options = 'module="unique", enable_backward=False' if function.factory else "enable_backward=False"
     wanted = f"wp.kernel({options})"
-    found = re.sub(r", module_options=\w+\([\w.]*\)(?=\)$)", "", ast.unparse(function.decorator))
+    found = re.sub(r", module_options=\w+\([\w, ]*\)(?=\)$)", "", ast.unparse(function.decorator))
     if function.is_kernel and found != ast.unparse(ast.parse(wanted, mode="eval")):
         yield function.node, f"{function.name} must be decorated @{wanted}"
 

@@ -85,6 +85,7 @@ class Model:
             renormalised=scene.continuity == "renormalised",
             fluid_count=len(scene.fluids),
             dimensions=scene.dimensions,
+            neighbours=scene.neighbours,
         )
         self.parameters = self._parameters(scene, placement, materials)
         self.viscous = viscous(scene, device)

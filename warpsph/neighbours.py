@@ -17,6 +17,7 @@ class Neighbours:
 
     Attributes:
         cells: The particles' cells at the time of listing.
+        are_listed: Whether there are lists of neighbours; if not, pair loops walk the cells.
         count, list: Neighbours of i are list[i row_stride + k column_stride], k < count[i].
         ghosts: What is seen through images; None where there are none.
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
@@ -29,8 +30,10 @@ class Neighbours:
         # The accelerations are of the last step, and lists are made before the next.
         lent = (state.pressure_acceleration, state.dissipative_acceleration)
         self.cells = Cells(model.grid, state.listed_position, model.launcher, lent)
-        self.count = wp.zeros(count, dtype=int, device=device)
-        self.list = wp.zeros(count * model.parameters.list_capacity, dtype=int, device=device)
+        self.are_listed = model.formulas.neighbours == "lists"
+        listed = count if self.are_listed else 0
+        self.count = wp.zeros(max(listed, 1), dtype=int, device=device)
+        self.list = wp.zeros(max(listed * model.parameters.list_capacity, 1), dtype=int, device=device)
         self.wall_first = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
@@ -89,7 +92,8 @@ class Neighbours:
         has_more_ghosts = bool(self.ghosts) and self.ghosts.make()
         if has_more_ghosts:
             self._permute = self._record_permutation()
-        self._list_all()
+        if self.are_listed:
+            self._list_all()
         self._count_walls()
         wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
         grown = self._grow() or has_more_ghosts

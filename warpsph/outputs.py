@@ -101,20 +101,22 @@ class Outputs:
             self._cache.write(snapshot, places)
 
     def finish(self) -> None:
-        """Make the animation and the picture of the gauge record."""
+        """Draw the gauge record, and begin the animation: it is made beside the report, `report` waits for it."""
         self.wait()
-        self._writer.shutdown()
         preview, scene = self._folder / "preview", self._scene
         if self._pictures is not None and self._frame:
-            animate(preview, preview / "animation", scene.output.frames_per_second)
+            fps = scene.output.frames_per_second
+            self._writing = self._writer.submit(animate, preview, preview / "animation", fps)
         if scene.output.pictures and scene.gauges:
             gauge_picture(
                 [self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png"
             )
 
     def report(self) -> None:
-        """Write the HTML page; needs run.json."""
+        """Write the HTML page; needs run.json. Returns when all is on the disk."""
         write_report(self._folder)
+        self.wait()
+        self._writer.shutdown()
 
 
 def _round(value: float) -> float:

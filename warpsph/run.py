@@ -166,6 +166,7 @@ class Run:
         self._outputs.finish()
         self._write_facts(facts)
         self._outputs.report()
+        self._write_facts(facts)
         return facts
 
     def _write_facts(self, facts: dict[str, Any]) -> None:

@@ -778,6 +778,9 @@ class Scene(Part):
     shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
     tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
+    neighbours: Literal["lists", "cells"] = Field(
+        "lists", description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory)."
+    )
     walls: tuple[Wall, ...] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
     images: tuple[Image, ...] = Field((), description="Mirrors and periodic edges.")
@@ -845,6 +848,17 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
         law = scene.wall_model.force
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
+    if scene.neighbours == "cells" and scene.density_diffusion.model == "antuono":
+        yield "neighbours", "antuono's diffusion of density needs lists"
+    needs = {
+        "images": scene.images,
+        "the materials' own viscosity": any(material.laminar for material in scene.materials.values()),
+        "shifting": scene.shifting.model != "none",
+        "a density_filter": scene.density_filter.model != "none",
+    }
+    for name, is_there in needs.items():
+        if scene.neighbours == "cells" and is_there:
+            yield "neighbours", f"lists are needed for {name}"
     yield from _misplaced(scene)
     if scene.images:
         if scene.bodies:

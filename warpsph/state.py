@@ -14,6 +14,11 @@ from warpsph.model import Model
 BLOCK_SIZE = 256
 
 
+def collects_blocks(device: wp.Device) -> bool:
+    """Whether the clock leaves it to others to go through all blocks: one thread of a GPU would be long about it."""
+    return device.is_cuda
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """The fluid at one instant, in id order.
@@ -111,6 +116,10 @@ class State:
         viscous_step = model.viscous.longest_step if model.viscous else np.inf
         self.block_dt_limit = array(np.append(np.full(self.block_count + 1, np.inf), viscous_step), float)
         self.block_fault_slot = array(np.full(self.block_count + 2, -1), int)
+        # The same of as many blocks in a row, where that helps.
+        self.top_count = -(-(self.block_count + 2) // BLOCK_SIZE) if collects_blocks(device) else 0
+        self.top_dt_limit = zeros(float, max(self.top_count, 1))
+        self.top_fault_slot = zeros(int, max(self.top_count, 1))
 
         # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
         # what the lists allow.

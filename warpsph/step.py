@@ -220,12 +220,16 @@ class Step:
 
     def _sweep(self, momentum: bool = True, continuity: bool = True) -> Launch:
         s, m, n = self.state, self.model, self.neighbours
-        return self._launch(
+        return m.launcher.record(
             rates_kernel(m.formulas, m.layout, momentum, continuity),
-            *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid_and_ghosts),
-            *(s.pressure_gradient, n.count, n.list),
-            *(s.pressure_acceleration, s.dissipative_acceleration),
-            *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
+            m.particle_count,
+            [
+                *(m.grid, m.parameters),
+                *(m.launcher.packed(s.position_volume), m.launcher.packed(s.velocity_pressure), s.fluid_and_ghosts),
+                *(s.pressure_gradient, n.count, n.list, n.cells.start, s.listed_position),
+                *(s.pressure_acceleration, s.dissipative_acceleration),
+                *(s.density_rate, s.diffusion_rate, s.xsph_velocity),
+            ],
         )
 
     def _move_ghosts(self, where: str = "") -> dict[str, Stage]:
@@ -369,7 +373,13 @@ class Step:
     def _clock(self) -> Launch:
         s, m = self.state, self.model
         more = 1 if self.bodies else 0  # an entry of theirs
-        counts = s.block_count + (2 if self.viscosity else more), s.strain_block_count + more
+        blocks = s.block_count + (2 if self.viscosity else more)
+        strains = s.strain_block_count + more
+        limits, slots, collect = s.block_dt_limit, s.block_fault_slot, []
+        if s.top_count:
+            inputs = [blocks, BLOCK_SIZE, limits, slots, s.top_dt_limit, s.top_fault_slot]
+            collect = [m.launcher.record(integrators.collect_blocks, s.top_count, inputs, grain=s.top_count + 1)]
+            blocks, limits, slots = s.top_count, s.top_dt_limit, s.top_fault_slot
         largest = m.launcher.record(
             neighbours.largest_of_blocks,
             s.strain_block_count,
@@ -380,12 +390,12 @@ class Step:
             integrators.advance_clock,
             1,
             [
-                *(*counts, s.block_dt_limit, s.block_fault_slot, s.particle_fault),
+                *(blocks, strains, limits, slots, s.particle_fault),
                 *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
                 *(s.dt_limit, s.stale, s.running),
             ],
         )
-        return m.launcher.chain(largest, advance)
+        return m.launcher.chain(*collect, largest, advance)
 
 
 @dataclass(frozen=True)

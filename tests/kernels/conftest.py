@@ -10,6 +10,7 @@ import pytest
 import warp as wp
 
 from warpsph.kernels.density import pressure_gradient_kernel
+from warpsph.kernels.neighbours import CellGrid
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.smoothing import SMOOTHING
@@ -100,10 +101,12 @@ class Cloud:
         """`values` on the device of the cloud."""
         return wp.array(np.asarray(values), dtype=dtype, device=self.launcher.device)
 
-    def run(self, kernel: wp.Kernel, inputs: Sequence[object], outputs: Sequence[type]) -> list[np.ndarray]:
+    def run(
+        self, kernel: wp.Kernel, inputs: Sequence[object], outputs: Sequence[type], *grids: CellGrid
+    ) -> list[np.ndarray]:
         """What `kernel` writes into arrays of the types `outputs`, one entry for each particle, as float64."""
         written = [wp.zeros(len(self.x), dtype=dtype, device=self.launcher.device) for dtype in outputs]
-        self.launcher.run(kernel, len(self.x), [self.parameters, *inputs, *written])
+        self.launcher.run(kernel, len(self.x), [*grids, self.parameters, *inputs, *written])
         return [array.numpy().astype(float) for array in written]
 
     def rates(self, momentum: bool = True, continuity: bool = True, **formulas: str | bool | int) -> list[np.ndarray]:
@@ -116,10 +119,11 @@ class Cloud:
         packed = [self.launcher.packed(array) for array in (self.position_volume, velocity_pressure)]
         lists = [self.neighbour_count, self.neighbour_list]
         gradient = self.array(self.pressure_gradient(), wp.vec3)
-        inputs = [*packed, self.fluids, gradient, *lists]
+        nobody = [self.array([0], int), self.array(np.zeros((1, 3)), wp.vec3)]  # is found in cells
+        inputs = [*packed, self.fluids, gradient, *lists, *nobody]
         layout = replace(CUDA_LAYOUT if self.launcher.device.is_cuda else CPU_LAYOUT, by_column=self.by_column)
         kernel = rates_kernel(Formulas(smoothing=self.smoothing, **formulas), layout, momentum, continuity)
-        return self.run(kernel, inputs, [wp.vec3, wp.vec3, float, float, wp.vec3])
+        return self.run(kernel, inputs, [wp.vec3, wp.vec3, float, float, wp.vec3], CellGrid())
 
     def pressure_gradient(self) -> np.ndarray:
         """Renormalised gradient of pressure within each fluid [Pa/m], shape [n, 3]."""

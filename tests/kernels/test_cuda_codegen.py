@@ -50,6 +50,7 @@ FORMULAS = [
     *(Formulas(viscosity=name, fluid_count=1, dimensions=2) for name in VISCOSITY),
     *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
     *(Formulas(renormalised=True, dimensions=dimensions) for dimensions in (2, 3)),
+    *(Formulas(neighbours="cells", fluid_count=count, dimensions=count) for count in (2, 3)),
 ]
 # Each factory with all that it can be asked for.
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {

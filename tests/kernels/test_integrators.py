@@ -459,3 +459,14 @@ def test_blocks_are_watched_to_the_last_particle(device):
     np.testing.assert_array_equal(slot.numpy(), [-1, 300, -1, 999])
     done = np.array([1.0, 2.0, 3.0]) + np.add.reduceat(work.astype(float), edges)
     np.testing.assert_allclose(total.numpy(), done, rtol=1e-12)
+
+
+def test_blocks_are_collected_to_the_last(device):
+    limits = np.random.default_rng(5).uniform(1.0, 2.0, 11).astype(np.float32)
+    slots = np.full(11, -1)
+    slots[[5, 7, 10]] = 50, 70, 100
+    arrays = wp.array(limits, dtype=float, device=device), wp.array(slots, dtype=int, device=device)
+    least, slot = wp.zeros(3, dtype=float, device=device), wp.zeros(3, dtype=int, device=device)
+    wp.launch(integrators.collect_blocks, dim=3, inputs=[0, 11, 4, *arrays, least, slot], device=device)
+    np.testing.assert_array_equal(least.numpy(), [limits[:4].min(), limits[4:8].min(), limits[8:].min()])
+    np.testing.assert_array_equal(slot.numpy(), [-1, 50, 100])

@@ -47,7 +47,7 @@ def test_order_leaves_out_what_does_not_converge(order, passed):
 
 
 def test_couette_on_ten_rows(tmp_path):
-    """Within 6 % of the exact solution at every time, which is drawn; a plate that starts at once is hard on ten rows."""
+    """Within 6 % of the exact solution at every time, which is drawn; a start at once is hard on ten rows."""
     ends = [(f"run.end_time={time:g}",) for time in (0.01, 0.02, 0.03, 0.04)]
     settings = [(*layer(10, 0.6, 2), *end) for end in (*ends, ends[-1])]
     results = measure_couette(runs_of("couette", settings, tmp_path), tmp_path)
