@@ -67,14 +67,19 @@ def profile_of(run: Run, exact: Callable[..., np.ndarray]) -> Profile:
     return Profile(z, snapshot.velocity[:, 0].astype(float), exact(z, snapshot.time))
 
 
-def draw_profiles(profiles: Mapping[str, Profile], out: Path) -> None:
-    """Draw particles over the lines of theory, velocity against height, to the PNG `out`."""
+def draw_profiles(
+    profiles: Mapping[str, Profile],
+    out: Path,
+    across: str = "velocity along the flow [m/s]; lines: theory",
+    up: str = "z [m]",
+) -> None:
+    """Draw particles over the lines of theory, against height, to the PNG `out`."""
     figure, (axes,) = new_plots(1)
     for i, (label, profile) in enumerate(profiles.items()):
         color, order = LINE_PALETTE[i % len(LINE_PALETTE)], np.argsort(profile.z)
         axes.plot(profile.exact[order], profile.z[order], color=color, linewidth=1.2)
         axes.plot(profile.u, profile.z, ".", color=color, markersize=3.0, label=label)
-    axes.set(xlabel="velocity along the flow [m/s]; lines: theory", ylabel="z [m]")
+    axes.set(xlabel=across, ylabel=up)
     axes.legend(frameon=False)
     out.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(out, format="png")
@@ -390,6 +395,7 @@ def measure_arrest(run: Run) -> list[Result]:
     late = record["time [s]"] > 0.75 * record["time [s]"][-1]
     front, centre = record["front [m]"][late] + 0.5 * run.scene.spacing, record["x [m]"][late]
     farthest = front[np.abs(front - toe).argmax()]
+    _draw_arrest(run, box.max[1], box.max[0])
     return [
         against(
             "toe in the last quarter, where it is farthest off",
@@ -401,6 +407,18 @@ def measure_arrest(run: Run) -> list[Result]:
         ),
         at_most("advance of the centre in the last quarter, over the toe", "", np.ptp(centre) / toe, 0.002, "arrested"),
     ]
+
+
+def _draw_arrest(run: Run, height: float, length: float) -> None:
+    """Draw the mud that has stopped under the line of theory, to profile.png of the run."""
+    material, place = run.scene.materials["mud"], run.simulation.state.snapshot().position
+    x = np.linspace(0.0, 1.1 * place[:, 0].max(), 400)
+    numbers = {"density": material.density, "yield_stress": material.rheology.yield_stress}
+    figure, (axes,) = new_plots(1)
+    axes.plot(place[:, 0], place[:, 2], ".", color=LINE_PALETTE[0], markersize=3.0)
+    axes.plot(x, analytic.arrested_depth(x, height=height, length=length, **numbers), color=LINE_PALETTE[1])
+    axes.set(xlabel="x [m]; line: arrested profile", ylabel="z [m]")
+    figure.savefig(run.folder / "profile.png", format="png")
 
 
 # ------------------------------------------------------------------------------------------------------ interpolation
@@ -415,6 +433,10 @@ def measure_interpolation(runs: Sequence[Run], folder: Path) -> list[Result]:
     ordered, jittered = runs
     source = "Vasco (2014) appendix B"
     corner, thesis_corner = _interpolation_error(ordered, "plain"), _interpolation_error(ordered, "plain", EQ_32)
+    words = {"plain": "plain", "shepard": "Shepard", "mls": "moving least squares"}
+    values = {word: _interpolated(jittered, name) for name, word in words.items()}
+    drawn = {word: Profile(exact, found, exact) for word, (found, exact) in values.items()}
+    draw_profiles(drawn, folder / "profiles.png", "f interpolated, jittered; line: exact", "f = x + z")
     return [
         at_most("error by moving least squares, ordered", "", _interpolation_error(ordered, "mls"), 1e-6, source),
         at_most("error by moving least squares, jittered", "", _interpolation_error(jittered, "mls"), 1e-6, source),
@@ -423,11 +445,11 @@ def measure_interpolation(runs: Sequence[Run], folder: Path) -> list[Result]:
     ]
 
 
-def _interpolation_error(run: Run, correction: str, constant: float = 1.0) -> float:
-    """The largest relative error of f = x + z, interpolated by one of CORRECTION with the kernel times `constant`."""
+def _interpolated(run: Run, correction: str, constant: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """f = x + z interpolated by one of CORRECTION with the kernel times `constant`, and f itself, shape [n]."""
     model, state, lists = run.simulation.model, run.simulation.state, run.simulation.step.neighbours
-    place = state.position_volume.numpy()[: model.particle_count]
-    exact = place[:, 0].astype(float) + place[:, 2]
+    place = state.position_volume.numpy()[: model.particle_count].astype(float)
+    exact = place[:, 0] + place[:, 2]
     device, norm = model.launcher.device, model.parameters.kernel_norm
     f = wp.array(exact, dtype=wp.float64, device=device)
     found, support = wp.zeros_like(f), wp.zeros(len(exact), dtype=float, device=device)
@@ -436,4 +458,10 @@ def _interpolation_error(run: Run, correction: str, constant: float = 1.0) -> fl
     kernel = filtered_density_kernel(model.formulas.smoothing, correction)
     model.launcher.run(kernel, model.particle_count, arguments)
     model.parameters.kernel_norm = norm
-    return float(np.abs(found.numpy() / exact - 1.0).max())
+    return found.numpy(), exact
+
+
+def _interpolation_error(run: Run, correction: str, constant: float = 1.0) -> float:
+    """The largest relative error of what `_interpolated` gives."""
+    found, exact = _interpolated(run, correction, constant)
+    return float(np.abs(found / exact - 1.0).max())
