@@ -46,5 +46,5 @@ def test_what_fails_is_told(run, words, tmp_path):
 
 
 def test_each_series_has_five_speeds():
-    series = [case for case in CASES.values() if isinstance(case, Series)]
+    series = [case for name, case in CASES.items() if isinstance(case, Series) and name.startswith("block")]
     assert [len(set(one.settings)) for one in series] == [5, 5]
