@@ -412,6 +412,7 @@ def advance_clock(
     particle_fault: wp.array[int],
     strain: wp.array[float],
     target: wp.array[wp.float64],
+    last_step: wp.array[int],
     time_inout: wp.array[wp.float64],
     dt_inout: wp.array[float],
     step_inout: wp.array[int],
@@ -443,7 +444,7 @@ def advance_clock(
     dt_inout[i] = next_dt
     dt_limit_out[i] = limit
     stale_out[i] = wp.where(worst > 1.0, 1, 0)
-    running_out[i] = wp.where(next_dt > 0.0 and worst <= 1.0, 1, 0)
+    running_out[i] = wp.where(next_dt > 0.0 and worst <= 1.0 and step_inout[i] < last_step[i], 1, 0)
 
 
 @wp.kernel(enable_backward=False)
@@ -451,14 +452,16 @@ def aim_clock(
     first: int,
     time: wp.array[wp.float64],
     target: wp.array[wp.float64],
+    last_step: wp.array[int],
     dt_limit: wp.array[float],
     stale: wp.array[int],
     fault: wp.array[int],
+    step: wp.array[int],
     dt_out: wp.array[float],
     running_out: wp.array[int],
 ):
-    """The next step after the host has set a new target or listed neighbours. One thread."""
+    """The next step after the host has set a new target or last step, or listed neighbours. One thread."""
     i = first + wp.tid()
     dt = wp.where(fault[i] == SOUND, aim(time[i], target[i], dt_limit[i]), 0.0)
     dt_out[i] = dt
-    running_out[i] = wp.where(dt > 0.0 and stale[i] == 0, 1, 0)
+    running_out[i] = wp.where(dt > 0.0 and stale[i] == 0 and step[i] < last_step[i], 1, 0)

@@ -1,5 +1,7 @@
 """Launching: every index once whatever the threads, replays, and devices that are not there."""
 
+import threading
+
 import numpy as np
 import pytest
 import warp as wp
@@ -20,6 +22,18 @@ def count_visits(first: int, visits_inout: wp.array[int], index_out: wp.array[in
 def grow(first: int, factor: wp.array[float], values_inout: wp.array[float]):
     i = first + wp.tid()
     values_inout[i] = wp.sin(values_inout[i]) * factor[0] + 1.0 / float(i + 1)
+
+
+@wp.kernel(enable_backward=False)
+def turn_round(first: int, values: wp.array[int], values_out: wp.array[int]):
+    i = first + wp.tid()
+    values_out[i] = values[len(values) - 1 - i] + i % 3
+
+
+@wp.kernel(enable_backward=False)
+def count_down(first: int, left_inout: wp.array[int]):
+    i = first + wp.tid()
+    left_inout[i] = left_inout[i] - 1
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3, 7])
@@ -71,3 +85,52 @@ def test_threads_take_turns():
     visits, index = (wp.zeros(count, dtype=int, device="cpu") for _ in range(2))
     Launcher("cpu", 2).record(count_visits, count, [visits, index]).parts[0]()
     assert visits.numpy()[: count // 2].sum() == visits.numpy()[count // 2 :].sum() == count // 4
+
+
+def turning(launcher: Launcher, count: int, turns: int):
+    """A loop in which every thread needs what the others wrote last; its values, and what is left to do."""
+    values, other = (wp.array(np.arange(count), dtype=int, device=launcher.device) for _ in range(2))
+    left = wp.array([turns], dtype=int, device=launcher.device)
+    there = launcher.record(turn_round, count, [values, other])
+    back = launcher.record(turn_round, count, [other, values])
+    down = launcher.record(count_down, 1, [left])
+    return launcher.loop(left, lambda: [launch() for launch in (there, back, down)]), values, left
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_loop_stops_where_it_is_told_and_threads_meet_in_it(device, threads):
+    launcher = Launcher(device, threads)
+    if not launcher.can_loop:
+        pytest.skip("threads without a core each take no loops")
+    count, turns = 10_001, 500
+    loop, values, left = turning(launcher, count, turns)
+    loop()
+    expected = np.arange(count)
+    for _ in range(2 * turns):
+        expected = expected[::-1] + np.arange(count) % 3
+    np.testing.assert_array_equal(values.numpy(), expected)
+    loop()  # there is nothing left to do
+    np.testing.assert_array_equal(values.numpy(), expected)
+    left.fill_(1)
+    loop()
+    assert left.numpy()[0] == 0 and np.any(values.numpy() != expected)
+
+
+def test_an_interrupted_loop_leaves_no_thread_behind(monkeypatch):
+    """One that waits for a thread which never comes would keep the program from ending."""
+    launcher = Launcher("cpu", 2)
+    if not launcher.can_loop:
+        pytest.skip("threads without a core each take no loops")
+    whole = wp.capture_launch
+
+    def interrupted(graph):
+        if threading.current_thread() is threading.main_thread():
+            raise KeyboardInterrupt
+        whole(graph)
+
+    monkeypatch.setattr(wp, "capture_launch", interrupted)
+    before = threading.active_count()
+    loop, _, _ = turning(launcher, 10_001, 500)
+    with pytest.raises(KeyboardInterrupt):
+        loop()
+    assert threading.active_count() == before

@@ -301,18 +301,19 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
 
 
 @every_scheme
-def test_a_captured_loop_of_steps_gives_the_same_bits(make_collapse, device, scheme):
-    """The graph that a GPU replays from one list to the next, here on whatever device there is."""
+def test_a_loop_of_steps_gives_the_same_bits(make_collapse, device, scheme):
+    """Handed to the device as a whole from one list to the next, a graph for each thread of a CPU."""
     runs = []
-    for replays in (False, True):
-        simulation = Simulation(make_collapse(*scheme), device, threads=1)
-        simulation.step._can_replay = replays
+    for threads, loops in ((1, False), (1, True), (2, True)):
+        simulation = Simulation(make_collapse(*scheme), device, threads)
+        simulation.step.loops &= loops
         for time in (0.01, 0.05):
             simulation.advance(time)
-        assert (simulation.step._graph is not None) == replays
+        simulation.step.aim_at(1.0)
+        simulation.step.run(5)
         runs.append(bits(simulation))
     assert simulation.step.neighbours.rebuilds > 3
-    assert runs[0] == runs[1]
+    assert runs[0] == runs[1] == runs[2]
 
 
 # ------------------------------------------------------------------------------------------------ reproducibility

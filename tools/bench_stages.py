@@ -37,7 +37,11 @@ class Timed:
 
 
 def stage_times(step: Any, steps: int = STAGE_STEPS) -> dict[str, float]:
-    """Milliseconds a step of every entry of `step.stages`, of the building of lists, and of what lies between."""
+    """Milliseconds a step of every entry of `step.stages`, of the building of lists, and of what lies between.
+
+    Steps are launched stage by stage meanwhile.
+    """
+    loops, step.loops = step.loops, False
     seconds = dict.fromkeys([*step.stages, LISTS], 0.0)
     step.neighbours.rebuild = Timed(step.neighbours.rebuild, seconds, LISTS)
     began = time.perf_counter()
@@ -50,6 +54,7 @@ def stage_times(step: Any, steps: int = STAGE_STEPS) -> dict[str, float]:
         wp.synchronize()
     finally:
         whole = time.perf_counter() - began
+        step.loops = loops
         del step.neighbours.rebuild
         for name, stage in step.stages.items():
             if isinstance(stage, Timed):

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -11,9 +12,14 @@ from typing import Any
 
 import warp as wp
 
+from warpsph.kernels.threads import CACHE_LINE, meet
+
 # One end of a scene costs more than the other, for its walls or its splashes: threads take turns, and each has so many
 # parts of a launch, if these are not shorter than this.
 TURNS, LONG_TURN = 4, 512
+
+# Held while launches are captured: Warp would take in those of other threads.
+CAPTURE = threading.Lock()
 
 
 class DeviceError(RuntimeError):
@@ -62,15 +68,71 @@ class Launch:
         parts: One command for each thread.
     """
 
-    def __init__(self, parts: Sequence[Callable[[], None]], pool: ThreadPoolExecutor | None) -> None:
-        self.parts, self._pool = list(parts), pool
+    def __init__(self, parts: Sequence[Callable[[], None]], team: "Team") -> None:
+        self.parts, self._team = list(parts), team
 
     def __call__(self) -> None:
-        """Run all parts; the calling thread takes the first."""
-        pending = [self._pool.submit(part) for part in self.parts[1:]]
-        self.parts[0]()
+        """Run all parts; where a loop is being captured, record those of the thread whose turn it is."""
+        self._team.run(self.parts)
+
+
+class Team:
+    """The threads that share launches.
+
+    Between two launches they wait for each other. Waking a thread takes some 50 microseconds, as much as many a launch;
+    so a loop of steps has a graph for each thread, which meets the others by looking for them.
+    """
+
+    def __init__(self, size: int, device: wp.Device) -> None:
+        self._size, self._device = size, device
+        self._pool = ThreadPoolExecutor(size - 1) if size > 1 else None
+        self._captured: int | None = None  # the thread whose graph is being captured
+        self._meetings = wp.zeros(size * CACHE_LINE, dtype=int, device="cpu")
+        self._meet = [
+            wp.launch(meet, 1, [thread, size, self._meetings], device="cpu", record_cmd=True).launch
+            for thread in range(size if size > 1 else 0)
+        ]
+
+    @property
+    def can_loop(self) -> bool:
+        """Whether loops can be captured: on a CPU only if each thread has a core, since one looks for the other."""
+        return wp.is_conditional_graph_supported() if self._device.is_cuda else self._size <= available_cores()
+
+    def run(self, parts: Sequence[Callable[[], None]]) -> None:
+        """Run all parts, the calling thread the first of them; or record them, one thread's into its graph."""
+        if self._captured is not None:
+            for part in parts[self._captured : self._captured + 1]:
+                part()
+            for wait in self._meet[self._captured : self._captured + 1]:
+                wait()
+            return
+        pending = [self._pool.submit(part) for part in parts[1:]]
+        parts[0]()
         for part in pending:
             part.result()
+
+    def loop(self, running: wp.array, body: Callable[[], None]) -> Callable[[], None]:
+        """A callable that repeats `body`, made of launches alone, on the device while `running[0]` is not 0."""
+        graphs = []
+        with CAPTURE:
+            for thread in range(self._size):
+                self._captured = thread
+                try:
+                    with wp.ScopedCapture(self._device) as capture:
+                        wp.capture_while(running, body)
+                finally:
+                    self._captured = None
+                graphs.append(capture.graph)
+        return partial(self._replay, [partial(wp.capture_launch, graph) for graph in graphs], running)
+
+    def _replay(self, graphs: Sequence[Callable[[], None]], running: wp.array) -> None:
+        try:
+            self.run(graphs)
+        except BaseException:  # from the keyboard, perhaps before this thread's part: let the others go
+            running.zero_()
+            self._meetings[:1].fill_(1 << 30)
+            self._pool.shutdown()
+            raise
 
 
 def _nothing() -> None:
@@ -105,8 +167,7 @@ class Launcher:
             names = ", ".join(d.alias for d in wp.get_devices())
             raise DeviceError(f"no device named '{device}' here; Warp finds: {names}") from error
         self.threads = 1 if self.device.is_cuda else max(1, threads or available_cores())
-        # The calling thread takes a part too.
-        self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
+        self._team = Team(self.threads, self.device)
 
     def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any], grain: int = 64) -> "Launch":
         """A callable that launches `kernel` over 0..count-1 each time that it is called.
@@ -122,8 +183,8 @@ class Launcher:
             for begin, end in pairwise(edges)
         ]
         if turns == 1:
-            return Launch(commands, self._pool)
-        return Launch([partial(_run_all, commands[part::parts]) for part in range(parts)], self._pool)
+            return Launch(commands, self._team)
+        return Launch([partial(_run_all, commands[part::parts]) for part in range(parts)], self._team)
 
     def chain(self, *launches: "Launch") -> "Launch":
         """Launches in one go: each thread runs its parts of all of them before threads meet.
@@ -131,7 +192,16 @@ class Launcher:
         None of them may read what another writes of other particles.
         """
         parts = zip_longest(*(launch.parts for launch in launches), fillvalue=_nothing)
-        return Launch([partial(_run_all, commands) for commands in parts], self._pool)
+        return Launch([partial(_run_all, commands) for commands in parts], self._team)
+
+    @property
+    def can_loop(self) -> bool:
+        """Whether a loop of launches can be handed to the device as a whole."""
+        return self._team.can_loop
+
+    def loop(self, running: wp.array, body: Callable[[], None]) -> Callable[[], None]:
+        """A callable that repeats `body`, made of launches recorded here alone, while `running[0]` is not 0."""
+        return self._team.loop(running, body)
 
     def packed(self, array: wp.array) -> wp.array:
         """Quadruples as the pair loops of this device read them: vectors on a GPU, pairs of floats on a CPU."""

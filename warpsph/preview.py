@@ -29,6 +29,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from warpsph.bodies import rotation
 from warpsph.kernels.pictures import paint_discs
+from warpsph.launch import CAPTURE
 from warpsph.records import find_crest, read_record
 
 if TYPE_CHECKING:
@@ -178,16 +179,15 @@ class FrameWriter:
         """Paint particles at `position` [m], shape [n, 3], in `color`, RGB of 0 to 1, shape [n, 3]."""
         center = self._origin + position[:, ::2] * [self._scale, -self._scale]
         height, width, _ = self._pixels.shape
-        center, color, pixels = (
-            wp.array(values, dtype=dtype, device="cpu", copy=False)
-            for values, dtype in (
-                (center.astype(np.float32)[None], wp.vec2),
-                ((255.0 * color).astype(np.float32)[None], wp.vec3),
-                (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
-            )
+        arrays = (
+            (center.astype(np.float32)[None], wp.vec2),
+            ((255.0 * color).astype(np.float32)[None], wp.vec3),
+            (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
         )
-        inputs = [0, len(position), self._radius, width, *self._box, center, color, pixels]
-        wp.launch(paint_discs, dim=1, inputs=inputs, device="cpu")
+        with CAPTURE:  # frames are drawn while steps go on
+            seen = [wp.array(values, dtype=dtype, device="cpu", copy=False) for values, dtype in arrays]
+            inputs = [0, len(position), self._radius, width, *self._box, *seen]
+            wp.launch(paint_discs, dim=1, inputs=inputs, device="cpu")
 
 
 def png_bytes(pixels: np.ndarray) -> bytes:

@@ -12,6 +12,7 @@ from warpsph.model import Model
 
 # Particles whose sums and extremes one thread collects; a fixed number, so that sums do not depend on the threads.
 BLOCK_SIZE = 256
+NO_LAST_STEP = 2**31 - 1
 
 
 def collects_blocks(device: wp.Device) -> bool:
@@ -138,6 +139,7 @@ class State:
         first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
         self.dt_limit = array(np.array([min(first_dt, viscous_step)]), float)  # longest stable step [s]
         self.step = zeros(int, 1)
+        self.last_step = array(np.array([NO_LAST_STEP]), int)  # which is done before the host is asked
         self.stale = zeros(int, 1)  # whether a pair might be missing from the lists before the next step ends
         self.running = zeros(int, 1)  # whether the next step may be taken
         self.damping = zeros(float, 1)  # [1/s]

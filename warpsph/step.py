@@ -12,7 +12,7 @@ from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.launch import Launch, floats
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
-from warpsph.state import BLOCK_SIZE, State
+from warpsph.state import BLOCK_SIZE, NO_LAST_STEP, State
 from warpsph.viscosity import Viscosity
 
 Stage = Launch | Callable[[], None]
@@ -30,6 +30,7 @@ class Step:
         neighbours: The lists that the step reads.
         bodies: The bodies in the fluid; None where there are none.
         viscosity: Of the materials themselves; None where they have none.
+        loops: Whether steps between two lists are handed to the device as one loop, or are launched one by one.
     """
 
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
@@ -39,13 +40,11 @@ class Step:
         self.integrator = INTEGRATORS[model.scene.run.integrator]
         self.evaluations, self.sweeps = self.integrator.evaluations, self.integrator.sweeps
         self.settling = False
-        self._graph, self._graph_settles = None, False
-        device = model.launcher.device
-        self._can_replay = device.is_cuda and wp.is_conditional_graph_supported()
+        self.loops = model.launcher.can_loop
+        self._loop, self._loop_settles = None, False
         s = state
-        self._aim = model.launcher.record(
-            integrators.aim_clock, 1, [s.time, s.target, s.dt_limit, s.stale, s.fault, s.dt, s.running]
-        )
+        clock = [s.time, s.target, s.last_step, s.dt_limit, s.stale, s.fault, s.step, s.dt, s.running]
+        self._aim = model.launcher.record(integrators.aim_clock, 1, clock)
         self._rebuild()
         self._record()
         self._pack()
@@ -62,25 +61,25 @@ class Step:
 
     def run(self, most_steps: int | None = None) -> None:
         """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
-        first = int(self.state.step.numpy()[0]) if most_steps else 0
-        while self.state.dt.numpy()[0] > 0.0:
-            if self.state.stale.numpy()[0]:
+        s = self.state
+        last = NO_LAST_STEP if most_steps is None else int(s.step.numpy()[0]) + most_steps
+        s.last_step.fill_(last)
+        self._aim()
+        while s.dt.numpy()[0] > 0.0 and (most_steps is None or s.step.numpy()[0] < last):
+            if s.stale.numpy()[0]:
                 self._bind(self._rebuild())
                 self._aim()
-            if most_steps is None and self._can_replay:
-                self._replay()
+            if self.loops:
+                self._repeat()
             else:
                 self()
-                if most_steps and self.state.step.numpy()[0] >= first + most_steps:
-                    return
 
-    def _replay(self) -> None:
-        """Step on the device alone until the lists are stale or the clock stops: a graph that holds a loop of steps."""
-        if self._graph is None or self._graph_settles != self.settling:
-            with wp.ScopedCapture(self.model.launcher.device) as capture:
-                wp.capture_while(self.state.running, self)
-            self._graph, self._graph_settles = capture.graph, self.settling
-        wp.capture_launch(self._graph)
+    def _repeat(self) -> None:
+        """Step on the device alone until the lists are stale or the clock stops."""
+        if self._loop is None or self._loop_settles != self.settling:
+            self._loop = self.model.launcher.loop(self.state.running, self)
+            self._loop_settles = self.settling
+        self._loop()
 
     def resume(self) -> None:
         """Take up a state that was read from a checkpoint."""
@@ -115,7 +114,7 @@ class Step:
 
     def _record(self) -> None:
         """Bind every stage to its arrays."""
-        s, self._graph = self.state, None
+        s, self._loop = self.state, None
         self._rest_density = self._launch(
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
@@ -368,7 +367,7 @@ class Step:
         s, m = self.state, self.model
         walls = [m.skin, m.wall_skin, m.support, m.wall_block]
         bounds = [m.grid, *walls, s.motion_lower, s.motion_upper, s.strain]
-        return m.launcher.record(neighbours.compare_motion, s.cell_block_count, bounds, grain=1 << 15)
+        return m.launcher.record(neighbours.compare_motion, s.cell_block_count, bounds)
 
     def _clock(self) -> Launch:
         s, m = self.state, self.model
@@ -391,7 +390,7 @@ class Step:
             1,
             [
                 *(blocks, strains, limits, slots, s.particle_fault),
-                *(s.block_strain, s.target, s.time, s.dt, s.step, s.fault, s.fault_slot),
+                *(s.block_strain, s.target, s.last_step, s.time, s.dt, s.step, s.fault, s.fault_slot),
                 *(s.dt_limit, s.stale, s.running),
             ],
         )

@@ -101,10 +101,10 @@ def test_stages_are_timed_and_put_back():
         def __init__(self):
             self.stages = {"pair loop": rest, "walls": lambda: None}
             self.neighbours = type("Neighbours", (), {"rebuild": lambda self: time.sleep(0.001)})()
-            self.calls = 0
+            self.calls, self.loops = 0, True
 
         def run(self, steps):
-            assert steps == 1
+            assert steps == 1 and not self.loops, "a loop would not go through the stages"
             self.calls += 1
             self.neighbours.rebuild()
             if self.calls == 3:  # a list has grown: stages are recorded anew
@@ -115,6 +115,7 @@ def test_stages_are_timed_and_put_back():
     step = Step()
     before = dict(step.stages)
     milliseconds = bench_stages.stage_times(step, steps=5)
+    assert step.loops
     assert list(milliseconds) == ["pair loop", "walls", bench_stages.LISTS, bench_stages.BETWEEN]
     assert milliseconds["pair loop"] > 1.5 and milliseconds[bench_stages.LISTS] > 0.9 > milliseconds["walls"]
     assert step.calls == 5 and step.stages == before and "rebuild" not in vars(step.neighbours)
