@@ -115,6 +115,19 @@ def gather_kernel(dtype: Any) -> wp.Kernel:
 
 
 @cache
+def copy_kernel(dtype: Any) -> wp.Kernel:
+    """A kernel that copies one array of `dtype`, with as many threads as others have."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def copy(first: int, values: wp.array[dtype], values_out: wp.array[dtype]):
+        """values_out[i] = values[i]."""
+        i = first + wp.tid()
+        values_out[i] = values[i]
+
+    return copy
+
+
+@cache
 def list_kernel(by_column: bool) -> wp.Kernel:
     """A kernel that fills the lists, which lie by column or by row."""
 

@@ -94,8 +94,8 @@ class Team:
         ]
 
     @property
-    def can_loop(self) -> bool:
-        """Whether loops can be captured: on a CPU only if each thread has a core, since one looks for the other."""
+    def can_capture(self) -> bool:
+        """Whether graphs can be captured: on a CPU only if each thread has a core, since one looks for the other."""
         return wp.is_conditional_graph_supported() if self._device.is_cuda else self._size <= available_cores()
 
     def run(self, parts: Sequence[Callable[[], None]]) -> None:
@@ -111,19 +111,19 @@ class Team:
         for part in pending:
             part.result()
 
-    def loop(self, running: wp.array, body: Callable[[], None]) -> Callable[[], None]:
-        """A callable that repeats `body`, made of launches alone, on the device while `running[0]` is not 0."""
+    def capture(self, body: Callable[[], None], running: wp.array) -> Callable[[], None]:
+        """What `body` launches as a graph for each thread; whatever is interrupted clears `running`."""
         graphs = []
         with CAPTURE:
             for thread in range(self._size):
                 self._captured = thread
                 try:
                     with wp.ScopedCapture(self._device) as capture:
-                        wp.capture_while(running, body)
+                        body()
                 finally:
                     self._captured = None
-                graphs.append(capture.graph)
-        return partial(self._replay, [partial(wp.capture_launch, graph) for graph in graphs], running)
+                graphs.append(partial(wp.capture_launch, capture.graph))
+        return partial(self._replay, graphs, running)
 
     def _replay(self, graphs: Sequence[Callable[[], None]], running: wp.array) -> None:
         try:
@@ -131,7 +131,8 @@ class Team:
         except BaseException:  # from the keyboard, perhaps before this thread's part: let the others go
             running.zero_()
             self._meetings[:1].fill_(1 << 30)
-            self._pool.shutdown()
+            if self._pool:
+                self._pool.shutdown()
             raise
 
 
@@ -197,11 +198,16 @@ class Launcher:
     @property
     def can_loop(self) -> bool:
         """Whether a loop of launches can be handed to the device as a whole."""
-        return self._team.can_loop
+        return self._team.can_capture
 
     def loop(self, running: wp.array, body: Callable[[], None]) -> Callable[[], None]:
         """A callable that repeats `body`, made of launches recorded here alone, while `running[0]` is not 0."""
-        return self._team.loop(running, body)
+        return self._team.capture(lambda: wp.capture_while(running, body), running)
+
+    def sequence(self, launches: Sequence["Launch"]) -> Callable[[], None]:
+        """A callable that runs launches one after the other, handed to the device as a whole where that can be."""
+        body = partial(_run_all, launches)
+        return self._team.capture(body, wp.zeros(1, dtype=int, device=self.device)) if self.can_loop else body
 
     def packed(self, array: wp.array) -> wp.array:
         """Quadruples as the pair loops of this device read them: vectors on a GPU, pairs of floats on a CPU."""

@@ -53,21 +53,22 @@ class Neighbours:
         )
         places = [listed, model.wall_position]
         near = [grid, model.wall_radius, model.near_wall, model.wall_start, cell, *places]
-        self._count_walls = record(kernels.count_wall_points, count, [*near, self.wall_first])
+        count_walls = record(kernels.count_wall_points, count, [*near, self.wall_first])
+        self._look_around = model.launcher.chain(self._list, count_walls) if self.are_listed else count_walls
         walls = [grid, model.wall_radius, model.wall_start, *places]
         self._list_walls = record(kernels.list_wall_points, count, [*walls, self.wall_first, self.wall_list])
 
-    def _record_permutation(self) -> list[Launch | Callable[[], None]]:
-        """Launches that bring every particle array into the order of the cells, through what the step packs anew."""
+    def _record_permutation(self) -> Callable[[], None]:
+        """What brings every particle array into the order of the cells, through what the step packs anew."""
         launcher, count = self.model.launcher, self.model.particle_count
-        launches: list[Launch | Callable[[], None]] = []
+        launches: list[Launch] = []
         for name in State.PARTICLE:
             values = getattr(self.state, name)
             permuted = alias(self.state.packed, values.dtype, count)
-            gather = kernels.gather_kernel(values.dtype)
+            gather, copy = kernels.gather_kernel(values.dtype), kernels.copy_kernel(values.dtype)
             launches.append(launcher.record(gather, count, [self.cells.order, values, permuted]))
-            launches.append(lambda values=values, permuted=permuted: wp.copy(values, permuted))
-        return launches
+            launches.append(launcher.record(copy, count, [permuted, values]))
+        return launcher.sequence([*launches, self._round])
 
     def rebuild(self) -> bool:
         """Sort the particles by cell and list their neighbours where they are now. Returns as `relist` does."""
@@ -75,9 +76,7 @@ class Neighbours:
             self.ghosts.fold()
         self._round()
         self.cells.sort()
-        for launch in self._permute:
-            launch()
-        self._round()
+        self._permute()
         return self._fill_lists()
 
     def relist(self) -> bool:
@@ -92,20 +91,15 @@ class Neighbours:
         has_more_ghosts = bool(self.ghosts) and self.ghosts.make()
         if has_more_ghosts:
             self._permute = self._record_permutation()
-        if self.are_listed:
-            self._list_all()
-        self._count_walls()
+        self._look_around()
+        if self.ghosts:
+            self.ghosts.append(self.list)
         wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
         grown = self._grow() or has_more_ghosts
         self._list_walls()
         self.state.stale.zero_()
         self.rebuilds += 1
         return grown
-
-    def _list_all(self) -> None:
-        self._list()
-        if self.ghosts:
-            self.ghosts.append(self.list)
 
     def _grow(self) -> bool:
         """Make room where a row or the wall list was too short."""
@@ -119,6 +113,8 @@ class Neighbours:
             model.set_list_capacity(model.parameters, capacity + capacity // 4 + 1)
             self.list = wp.zeros(model.particle_count * model.parameters.list_capacity, dtype=int, device=device)
             self._record()
-            self._list_all()
+            self._list()
+            if self.ghosts:
+                self.ghosts.append(self.list)
             grown = True
         return grown

@@ -28,7 +28,7 @@ from warpsph.kernels.laminar import (
     yielding_kernel,
 )
 from warpsph.kernels.loads import reaction_kernel
-from warpsph.kernels.neighbours import gather_kernel, list_kernel
+from warpsph.kernels.neighbours import copy_kernel, gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
@@ -53,6 +53,7 @@ FORMULAS = [
     *(Formulas(neighbours="cells", fluid_count=count, dimensions=count) for count in (2, 3)),
 ]
 # Each factory with all that it can be asked for.
+STATE_TYPES = [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)]
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     rates_kernel: [(formulas, CUDA_LAYOUT, *half) for formulas in FORMULAS for half in HALVES],
     list_kernel: [(True,), (False,)],
@@ -83,7 +84,8 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
     ],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
-    gather_kernel: [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)],
+    copy_kernel: STATE_TYPES,
+    gather_kernel: STATE_TYPES,
 }
 
 pytestmark = pytest.mark.skipif(sys.platform == "darwin", reason="Warp for macOS comes without a CUDA compiler")
