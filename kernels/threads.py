@@ -7,22 +7,24 @@ CACHE_LINE = wp.constant(16)
 
 
 # A thread that waits looks some 2000 times, a few dozen microseconds: longer than threads that share a launch well are
-# apart. After that it gives way to whoever else wants its core.
+# apart. After that it gives way to whoever else wants its core (not on Windows, where it just goes on looking).
 @wp.func_native(
     """
 #if !defined(__CUDA_ARCH__)
-#if defined(_WIN32)
-    extern int give_way(void) __asm__("SwitchToThread");
-#else
+#if defined(__APPLE__)
+    extern int give_way(void) __asm__("_sched_yield");
+#elif !defined(_WIN32)
     extern int give_way(void) __asm__("sched_yield");
 #endif
     const unsigned met = __atomic_add_fetch(&meetings.data[16 * thread], 1, __ATOMIC_RELEASE);
     for (int other = 0; other < count; ++other) {
         int looked = 0;
         while ((int)((unsigned)__atomic_load_n(&meetings.data[16 * other], __ATOMIC_ACQUIRE) - met) < 0) {
+#if !defined(_WIN32)
             if (++looked > 2000) give_way();
+#endif
 #if defined(__x86_64__)
-            else __builtin_ia32_pause();
+            __builtin_ia32_pause();
 #endif
         }
     }

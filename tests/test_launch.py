@@ -73,6 +73,16 @@ def test_default_is_every_core():
     assert Launcher("cpu").threads == available_cores() >= 1
 
 
+@pytest.mark.parametrize(
+    ("quota", "cores"),
+    [("max 100000", None), ("100000 100000", 1), ("150000 100000", 1), ("20000 100000", 1), ("", None)],
+)
+def test_a_container_may_have_less_time_than_cores(tmp_path, quota, cores):
+    path = tmp_path / "cpu.max"
+    path.write_text(quota)
+    assert available_cores(path) == (cores or available_cores(tmp_path / "none"))
+
+
 @pytest.mark.parametrize("name", ["cuda:99", "tpu"])
 def test_no_such_device(name):
     with pytest.raises(DeviceError, match=rf"^no device named '{name}' here; Warp finds: cpu"):

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise, zip_longest
+from pathlib import Path
 from typing import Any
 
 import warp as wp
@@ -26,9 +27,14 @@ class DeviceError(RuntimeError):
     """The device that was asked for is not there."""
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def available_cores(quota: Path = Path("/sys/fs/cgroup/cpu.max")) -> int:
+    """Cores that this process may use; a container may have less time than cores: `quota` says how much."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        time, period = quota.read_text(encoding="ascii").split()
+        return max(1, min(cores, int(time) // int(period)))
+    except (OSError, ValueError):  # there is no such file, or it says "max"
+        return cores
 
 
 @contextmanager
