@@ -22,8 +22,9 @@ import numpy as np
 from bench_noise import neighbours, pressure_noise
 
 from warpsph.geometry import behind_walls
-from warpsph.scene import Scene, WallModel, load_scene
+from warpsph.scene import Scene, load_scene
 from warpsph.scene_file import SceneError
+from warpsph.scene_walls import WallModel
 from warpsph.simulation import BlowUpError, Simulation
 
 SCENE = Path(__file__).resolve().parent.parent / "scenes" / "still_water.yaml"

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from warpsph.images import Edge, find_edges, find_images
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.outline import Array
-from warpsph.scene import Fluid, Scene
+from warpsph.scene import Scene
+from warpsph.scene_fluids import Fluid
 from warpsph.solids import Solid, place_bodies, refuse_behind
 from warpsph.surface import Crate, Frame, Sheet, solid, wall_surface
 

@@ -16,8 +16,8 @@ import warp as wp
 
 from warpsph.kernels import images as kernels
 from warpsph.outline import Array
-from warpsph.scene import Image as ImageField
 from warpsph.scene import Scene
+from warpsph.scene_walls import Image as ImageField
 
 # More images than this are no corner of mirrors but one that does not close.
 MOST_IMAGES = 128
