@@ -292,7 +292,7 @@ def place(scene: Scene) -> Placement:
     )
     if edges and walls:
         placement = _repeat_walls(scene, placement)
-    warnings += _doubts(scene, placement, drawn) + _slow_sound(scene, drop_height(placement))
+    warnings += _doubts(scene, placement, drawn, edges) + _slow_sound(scene, drop_height(placement))
     return replace(placement, warnings=tuple(warnings))
 
 
@@ -413,7 +413,7 @@ def _slow_sound(scene: Scene, drop: float) -> list[str]:
     return warnings
 
 
-def _doubts(scene: Scene, placement: Placement, drawn: Array) -> list[str]:
+def _doubts(scene: Scene, placement: Placement, drawn: Array, edges: Sequence[Edge]) -> list[str]:
     """Warnings about what can be run but was hardly meant; `drawn` are points on the walls [m], shape [n, 3]."""
     doubts = []
     if scene.warm_up is None:
@@ -422,7 +422,7 @@ def _doubts(scene: Scene, placement: Placement, drawn: Array) -> list[str]:
                 doubts.append(scene.error(f"fluids[{i}].hold", "there is no warm_up to hold it through"))
     for i, gauge in enumerate(scene.gauges):
         x, reach = np.array([gauge.x, gauge.y or 0.0, 0.0]), 2.0 * scene.smoothing_length
-        for edge in find_edges(scene)[0]:
+        for edge in edges:
             if abs(edge.normal[2]) < 1e-9 and x @ edge.normal - edge.offset < reach:
                 words = f"stands closer than 2 h = {reach:.3g} m to '{edge.name}', beyond which it sees no fluid"
                 doubts.append(scene.error(f"gauges[{i}]", words))
