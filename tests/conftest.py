@@ -1,11 +1,14 @@
 """Fixtures that every test can ask for."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import warp as wp
 
+from warpsph.checkpoint import read_checkpoint
 from warpsph.scene import Scene, load_scene
+from warpsph.simulation import Simulation
 
 wp.config.log_level = wp.LOG_WARNING  # no line for each module loaded
 
@@ -28,6 +31,26 @@ def make_scene(tmp_path_factory) -> Callable[..., Scene]:
         return load_scene(path, overrides)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def bits() -> Callable[[Simulation], dict[str, bytes]]:
+    """A function that gives all that a run goes on from, to be compared bit for bit."""
+    return lambda simulation: {name: array.numpy().tobytes() for name, array in simulation.kept().items()}
+
+
+@pytest.fixture(scope="session")
+def resumed() -> Callable[[Simulation, Path], Simulation]:
+    """A function that makes a new simulation of the same scene, which goes on from the last checkpoint of a folder."""
+
+    def resume(simulation: Simulation, folder: Path) -> Simulation:
+        new = Simulation(simulation.scene, str(simulation.launcher.device))
+        read_checkpoint(folder, new)
+        new.enter_phase()
+        new.step.resume()
+        return new
+
+    return resume
 
 
 # Water and a heavier fluid of the other state equation let go in a tank: fast, violent and small.

@@ -63,6 +63,22 @@ def test_phases(warming):
     assert damping == [(True, 50.0), (False, 50.0), (False, 0.0)]
 
 
+def test_phases_on_the_way_are_entered(make_scene, device, bits):
+    """The same bits as by hand, whether one stops at the changes or not."""
+    by_hand = Simulation(make_scene(RELEASE), device)
+    for time in (*by_hand.phase_changes(), 0.02):
+        by_hand.advance(time)
+        by_hand.enter_phase()
+    for stops in ([], by_hand.phase_changes()):
+        simulation = Simulation(make_scene(RELEASE), device)
+        for time in (*stops, 0.02):
+            simulation.reach(time)
+        assert bits(simulation) == bits(by_hand)
+    simulation = Simulation(make_scene(RELEASE), device)
+    simulation.reach(-0.03)
+    assert simulation.time == -0.03 and not simulation.step.settling and simulation.state.damping.numpy()[0] == 50.0
+
+
 def test_no_warm_up_begins_at_the_release(make_collapse, device):
     simulation = Simulation(make_collapse(), device)
     assert simulation.time == 0.0 and simulation.phase_changes() == []
@@ -73,9 +89,7 @@ def test_held_fluid_waits_for_its_release(warming):
     """While the pool below it settles; then it falls with g."""
     start = warming.state.snapshot()
     held = start.fluid == 1
-    for time in warming.phase_changes():
-        warming.advance(time)
-        warming.enter_phase()
+    warming.reach(0.0)
     released = warming.state.snapshot()
     np.testing.assert_array_equal(released.position[held], start.position[held])
     assert not released.velocity[held].any()

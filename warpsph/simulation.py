@@ -103,6 +103,19 @@ class Simulation:
             raise BlowUpError(self._describe(fault))
         self.step.find_viscosity()
 
+    def reach(self, time: float) -> None:
+        """Step until `time` [s], exactly, and enter the phases that begin on the way.
+
+        Raises:
+            BlowUpError: a particle became absurd on the way.
+        """
+        for change in self.phase_changes():
+            if self.time < change <= time:
+                self.advance(change)
+                self.enter_phase()
+        if self.time < time:
+            self.advance(time)
+
     def _describe(self, fault: int) -> str:
         s, slot = self.state, int(self.state.fault_slot.numpy()[0])
         fluid = self.model.fluid_names[int(s.fluid.numpy()[slot])]
