@@ -202,7 +202,6 @@ class Placement:
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count, 3].
         wall_before, wall_after: From each wall point to its neighbours on an outline [m], 0 where it ends, and
             everywhere in a 3-D scene, shape [wall_count, 3].
-        wall_index: Index into `scene.walls`, int32, shape [wall_count].
         wall_area: Area of wall that each point stands for [m2, in 2-D a length in m], shape [wall_count].
         sides: Side of each wall on which the fluid is, as `wet_side`.
         solids: The bodies in their places.
@@ -219,7 +218,6 @@ class Placement:
     wall_normal: Array
     wall_before: Array
     wall_after: Array
-    wall_index: NDArray[np.int32]
     wall_area: Array
     sides: tuple[int, ...]
     solids: tuple[Solid, ...]
@@ -283,7 +281,6 @@ def place(scene: Scene) -> Placement:
         wall_normal=np.concatenate([nowhere, *(n * side for (_, n, _), side in zip(samples, sides, strict=True))]),
         wall_before=np.concatenate([nowhere, *(before for before, _ in ways)]),
         wall_after=np.concatenate([nowhere, *(after for _, after in ways)]),
-        wall_index=np.repeat(np.arange(len(samples), dtype=np.int32), [len(points) for points, _, _ in samples]),
         wall_area=np.concatenate([np.empty(0), *(areas for _, _, areas in samples)]),
         sides=tuple(sides),
         solids=tuple(solids),
@@ -354,7 +351,6 @@ def _repeat_walls(scene: Scene, placement: Placement) -> Placement:
         wall_normal=turned(placement.wall_normal),
         wall_before=turned(placement.wall_before),
         wall_after=turned(placement.wall_after),
-        wall_index=placement.wall_index[index],
         wall_area=placement.wall_area[index],
     )
 

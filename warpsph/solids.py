@@ -42,7 +42,7 @@ from warpsph.mesh import (
 )
 from warpsph.motion import Motion, read_table
 from warpsph.outline import Array, Bend, Line, Outline, closed_outline, path_legs
-from warpsph.rigid import Body, Surface, counter_clockwise, plane_mass, surface_of_outline
+from warpsph.rigid import PLANE_SHIFT, PLANE_TURN, Body, Surface, counter_clockwise, plane_mass, surface_of_outline
 from warpsph.scene import Scene
 from warpsph.scene_bodies import Body as BodyField
 from warpsph.scene_bodies import BodyMotion
@@ -51,8 +51,6 @@ from warpsph.surface import Crate, Sheet, in_space
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2
-# Ways in which a body can be locked, by axis.
-_SHIFTS, _TURNS = ("x", "y", "z"), ("turn_x", "turn_y", "turn_z")
 
 
 @dataclass(frozen=True)
@@ -339,12 +337,15 @@ def _motion(scene: Scene, path: str, motion: BodyMotion) -> Motion:
 
 def _freedom(scene: Scene, body: BodyField) -> tuple[Array, Array]:
     """1 for each axis along which and about which the body is free."""
-    in_plane_only = scene.dimensions == 2
-    shifts = [float(way not in body.locked and not (in_plane_only and way == "y")) for way in _SHIFTS]
-    turns = [float(way not in body.locked and not in_plane_only) for way in _TURNS]
-    if in_plane_only:
-        turns[1] = float("angle" not in body.locked)
-    return np.array(shifts), np.array(turns)
+    in_space = (1.0, 1.0, 1.0)
+    shifts, turns = (PLANE_SHIFT, PLANE_TURN) if scene.dimensions == 2 else (in_space, in_space)
+    along, about = ("x", "y", "z"), ("turn_x", "angle" if scene.dimensions == 2 else "turn_y", "turn_z")
+    return _unless(shifts, along, body.locked), _unless(turns, about, body.locked)
+
+
+def _unless(free: Sequence[float], ways: Sequence[str], locked: Sequence[str]) -> Array:
+    """`free` with 0 for each of the `ways` that are locked."""
+    return np.array([one * (way not in locked) for one, way in zip(free, ways, strict=True)])
 
 
 def _overlap(scene: Scene, solid: Solid, points: Array) -> Array | None:
