@@ -76,3 +76,27 @@ run: {end_time: 1.0}
 def make_collapse(make_scene) -> Callable[..., Scene]:
     """A function that makes the scene of two collapsing columns, 300 particles, with overrides."""
     return lambda *overrides: make_scene(COLLAPSE, *overrides)
+
+
+# All phases: a pool settles, is damped, and then a block that was held is let go.
+RELEASE = """
+title: A block held above a pool
+dimensions: 2
+spacing: 0.02
+materials:
+  water: {density: 1000.0, sound_speed: 30.0, alpha: 0.05}
+  rock: {density: 2500.0, sound_speed: 30.0}
+walls:
+  - {name: tank, path: [[0.0, 0.5], [0.0, 0.0], [0.4, 0.0], [0.4, 0.5]]}
+fluids:
+  - {name: pool, material: water, fill: {level: 0.2, above: tank}}
+  - {name: block, material: rock, hold: true, shape: {box: {min: [0.16, 0.3], max: [0.24, 0.36]}}}
+warm_up: {duration: 0.1, damping: 50.0, settling: 0.04}
+run: {end_time: 1.0}
+"""
+
+
+@pytest.fixture(scope="session")
+def make_release(make_scene) -> Callable[..., Scene]:
+    """A function that makes the scene of a block held above a pool, with overrides."""
+    return lambda *overrides: make_scene(RELEASE, *overrides)
