@@ -1,11 +1,14 @@
 """Fixtures that every test can ask for."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import warp as wp
 
+from warpsph.checkpoint import read_checkpoint
 from warpsph.scene import Scene, load_scene
+from warpsph.simulation import Simulation
 
 wp.config.log_level = wp.LOG_WARNING  # no line for each module loaded
 
@@ -28,6 +31,26 @@ def make_scene(tmp_path_factory) -> Callable[..., Scene]:
         return load_scene(path, overrides)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def bits() -> Callable[[Simulation], dict[str, bytes]]:
+    """A function that gives all that a run goes on from, to be compared bit for bit."""
+    return lambda simulation: {name: array.numpy().tobytes() for name, array in simulation.kept().items()}
+
+
+@pytest.fixture(scope="session")
+def resumed() -> Callable[[Simulation, Path], Simulation]:
+    """A function that makes a new simulation of the same scene, which goes on from the last checkpoint of a folder."""
+
+    def resume(simulation: Simulation, folder: Path) -> Simulation:
+        new = Simulation(simulation.scene, str(simulation.launcher.device))
+        read_checkpoint(folder, new)
+        new.enter_phase()
+        new.step.resume()
+        return new
+
+    return resume
 
 
 # Water and a heavier fluid of the other state equation let go in a tank: fast, violent and small.
@@ -53,3 +76,27 @@ run: {end_time: 1.0}
 def make_collapse(make_scene) -> Callable[..., Scene]:
     """A function that makes the scene of two collapsing columns, 300 particles, with overrides."""
     return lambda *overrides: make_scene(COLLAPSE, *overrides)
+
+
+# All phases: a pool settles, is damped, and then a block that was held is let go.
+RELEASE = """
+title: A block held above a pool
+dimensions: 2
+spacing: 0.02
+materials:
+  water: {density: 1000.0, sound_speed: 30.0, alpha: 0.05}
+  rock: {density: 2500.0, sound_speed: 30.0}
+walls:
+  - {name: tank, path: [[0.0, 0.5], [0.0, 0.0], [0.4, 0.0], [0.4, 0.5]]}
+fluids:
+  - {name: pool, material: water, fill: {level: 0.2, above: tank}}
+  - {name: block, material: rock, hold: true, shape: {box: {min: [0.16, 0.3], max: [0.24, 0.36]}}}
+warm_up: {duration: 0.1, damping: 50.0, settling: 0.04}
+run: {end_time: 1.0}
+"""
+
+
+@pytest.fixture(scope="session")
+def make_release(make_scene) -> Callable[..., Scene]:
+    """A function that makes the scene of a block held above a pool, with overrides."""
+    return lambda *overrides: make_scene(RELEASE, *overrides)

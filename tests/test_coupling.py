@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpsph.bodies import rotation
-from warpsph.checkpoint import read_checkpoint, write_checkpoint
+from warpsph.checkpoint import write_checkpoint
 from warpsph.cli import SCENES
 from warpsph.coupling import columns
 from warpsph.simulation import Simulation
@@ -70,19 +70,6 @@ run: {end_time: 1.0}
 """
 
 
-def advance(simulation: Simulation, time: float) -> None:
-    now = simulation.time
-    for change in simulation.phase_changes():
-        if now < change <= time:
-            simulation.advance(change)
-            simulation.enter_phase()
-    simulation.advance(time)
-
-
-def everything(simulation: Simulation) -> dict[str, bytes]:
-    return {name: array.numpy().tobytes() for name, array in simulation.kept().items()}
-
-
 def momentum(simulation: Simulation) -> tuple[np.ndarray, float]:
     """Momentum of fluid and bodies [kg/s], and their mass [kg/m]."""
     state, bodies = simulation.state, simulation.bodies.set
@@ -105,7 +92,7 @@ def momentum(simulation: Simulation) -> tuple[np.ndarray, float]:
 def test_momentum_changes_by_gravity_and_walls_alone(make_scene, text, force, integrator):
     """Walls by what is left of their push on the fluid once the reaction of the bodies is taken off, and by contact."""
     simulation = Simulation(make_scene(text, f"wall_model.force={force}", f"run.integrator={integrator}"))
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     state, bodies = simulation.state, simulation.bodies.set
     (before, mass), impulse, exchanged = momentum(simulation), np.zeros(3), 0.0
     particle_mass = simulation.model.parameters.mass.numpy().astype(float)[state.fluid.numpy()]
@@ -126,7 +113,7 @@ def test_momentum_changes_by_gravity_and_walls_alone(make_scene, text, force, in
 def test_loads_and_pushes_are_sums_over_all_pairs(make_scene, device):
     """Against sums over every particle and every point in double precision, after the lists have lived for a while."""
     simulation = Simulation(make_scene(RAFT, "materials.water.wall_alpha=0.0"), device)
-    advance(simulation, 0.05)
+    simulation.reach(0.05)
     state, bodies, p = simulation.state, simulation.bodies.set, simulation.model.parameters
     simulation.step.aim_at(0.06)
     simulation.step.run(5)
@@ -163,7 +150,7 @@ FAST = ["bodies[1].velocity=[-1.0, -3.0]", "bodies[1].shape.disc.radius=0.06"]
 def test_no_pair_is_missing_however_fast_bodies_are(make_scene):
     """The distance to the nearest wall or body point, by the lists and by brute force, in every step of a splash."""
     simulation = Simulation(make_scene(RAFT, *FAST))
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     state, points = simulation.state, simulation.bodies.set.point_position
     walls, reach = simulation.model.wall_position.numpy(), simulation.model.support
     simulation.step.aim_at(0.1)
@@ -189,38 +176,35 @@ def test_no_pair_is_missing_however_fast_bodies_are(make_scene):
     [(RAFT, -0.05), (RAFT, 0.0), (RAFT, 0.1), (SPACE, 0.12)],
     ids=["held", "release", "released", "touching in space"],
 )
-def test_goes_on_bit_for_bit(make_scene, device, tmp_path, text, time):
+def test_goes_on_bit_for_bit(make_scene, device, tmp_path, bits, resumed, text, time):
     whole = Simulation(make_scene(text), device)
-    advance(whole, time)
+    whole.reach(time)
     write_checkpoint(tmp_path, whole)
-    part = Simulation(whole.scene, device)
-    read_checkpoint(tmp_path, part)
-    part.enter_phase()
-    part.step.resume()
+    part = resumed(whole, tmp_path)
     for simulation in (whole, part):
-        advance(simulation, 0.2)
-    assert everything(part) == everything(whole)
+        simulation.reach(0.2)
+    assert bits(part) == bits(whole)
     assert part.bodies.rows() == whole.bodies.rows()
 
 
 @pytest.mark.parametrize("text", [RAFT, SPACE], ids=["plane", "space"])
-def test_same_bits_on_any_number_of_threads(make_scene, text):
+def test_same_bits_on_any_number_of_threads(make_scene, bits, text):
     runs = [Simulation(make_scene(text), threads=threads) for threads in (1, 3)]
     for simulation in runs:
-        advance(simulation, 0.15)
-    assert everything(runs[0]) == everything(runs[1])
+        simulation.reach(0.15)
+    assert bits(runs[0]) == bits(runs[1])
 
 
 def test_held_body_stays_and_then_starts_with_its_velocity(make_scene):
     simulation = Simulation(make_scene(RAFT))
     place = simulation.bodies.set.position.numpy().copy()
-    advance(simulation, -0.01)
+    simulation.reach(-0.01)
     np.testing.assert_array_equal(simulation.bodies.set.position.numpy(), place)
     assert not simulation.bodies.set.point_velocity.numpy().any()
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     (raft, stone) = simulation.bodies.rows()
     assert raft[3:6] == pytest.approx([0.3, 0.0, 0.0]) and stone[5] == pytest.approx(4.0)
-    advance(simulation, 0.001)
+    simulation.reach(0.001)
     assert simulation.bodies.set.position.numpy()[1, 0] == pytest.approx(place[1, 0] + 0.0003, rel=1e-3)
 
 
@@ -228,7 +212,7 @@ def test_step_is_short_enough_for_fast_bodies(make_scene):
     """No point moves more than a tenth of a smoothing length in a step, or contact would not see it coming."""
     scene = make_scene(RAFT, "bodies[1].velocity=[0.0, -5.0]", "materials.water.sound_speed=40.0", "run.courant=1.0")
     simulation = Simulation(scene)
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     assert simulation.state.dt_limit.numpy()[0] > 0.0
     simulation.advance(0.002)
     speed = np.linalg.norm(simulation.bodies.set.velocity.numpy(), axis=1).max() + 4.0 * 0.07
@@ -240,7 +224,7 @@ def test_prescribed_body_goes_its_way(make_scene):
     free = ["bodies[0].hold=false", "bodies[0].velocity=null"]
     simulation = Simulation(make_scene(RAFT, motion, *free))
     start = simulation.bodies.rows()[0]
-    advance(simulation, 0.05)  # a quarter of the period: the amplitude, and at rest
+    simulation.reach(0.05)  # a quarter of the period: the amplitude, and at rest
     x, z, angle, u, w, spin, *_ = simulation.bodies.rows()[0]
     assert (x - start[0], z - start[1]) == pytest.approx((0.02, 0.0), abs=1e-9)
     assert angle == pytest.approx(10.0) and (u, w, spin) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
@@ -248,7 +232,7 @@ def test_prescribed_body_goes_its_way(make_scene):
 
 def test_energy_of_bodies(make_scene):
     simulation = Simulation(make_scene(RAFT))
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     raft, stone = simulation.bodies.set.bodies
     kinetic, potential = simulation.bodies.energies()
     inertia = stone.mass.inertia[1, 1]
@@ -280,7 +264,7 @@ def pulse(simulation: Simulation, until: float = 0.05) -> float:
 
     Of 99 % of the particles: grains of the lattice that slip past each other, one by one, are no pulse.
     """
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     before, worst = simulation.state.snapshot().pressure, 0.0
     for time in np.arange(0.0025, until + 1e-9, 0.0025):
         simulation.advance(time)
@@ -316,7 +300,7 @@ def test_fastest_block_stays_on_its_ramp(make_scene):
     shorter = ["walls[0].path[2]=[2.6, 0.0]", "walls[0].path[3]=[2.6, 0.6]", "spacing=0.02", "gauges=[]"]
     simulation = Simulation(make_scene(text, *fast, *shorter))
     for time in np.arange(0.0, 0.5, 0.01):
-        advance(simulation, time)
+        simulation.reach(time)
         assert depth_below_ramp(simulation) < 1e-3, time
     assert simulation.bodies.rows()[0][0] > 0.3  # it has passed the toe
 
@@ -324,11 +308,11 @@ def test_fastest_block_stays_on_its_ramp(make_scene):
 def test_ball_falls_on_a_crate_in_water(make_scene):
     """The ball bounces off the crate, which dips, and neither enters the other; the row of each has its 19 columns."""
     simulation = Simulation(make_scene(SPACE))
-    advance(simulation, 0.0)
+    simulation.reach(0.0)
     crate = simulation.bodies.solids[0]
     nearest, received = np.inf, 0.0
     for time in np.arange(0.01, 0.2, 0.01):
-        advance(simulation, time)
+        simulation.reach(time)
         (x, q), (centre, _) = simulation.bodies.places()
         place = (centre - x) @ rotation(q) + crate.body.mass.centre
         nearest = min(nearest, float(crate.distance(place[None])[0]) * (1.0 - 2.0 * crate.contains(place[None])[0]))
@@ -345,7 +329,7 @@ def test_turns_about_a_given_axis(make_scene):
     free = ["bodies[0].hold=false", "bodies[0].spin=null", "bodies[0].angle=0.0"]
     simulation = Simulation(make_scene(SPACE, motion, *free))
     start = simulation.bodies.solids[0].body.mass.centre
-    advance(simulation, 0.05)
+    simulation.reach(0.05)
     (x, q), _ = simulation.bodies.places()
     angle, arm = np.radians(40.0), start[0] - 0.24
     np.testing.assert_allclose(q, [0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)], atol=1e-6)

@@ -6,6 +6,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+import warpsph.model
+from warpsph.ghosts import Ghosts
 from warpsph.images import find_images
 from warpsph.scene import SceneError
 from warpsph.simulation import Simulation
@@ -189,6 +191,29 @@ def test_no_pair_is_missing(make_scene, device, parts):
             mine = entries[i * row + column * np.arange(count[i])]
             there = np.linalg.norm(x[i] - packed[mine, :3], axis=1)
             assert (there < model.support * (1 - 1e-6)).sum() <= near[i] <= (there < model.support * (1 + 1e-6)).sum()
+
+
+def test_arrays_that_grow_on_the_way(make_scene, device, bits, monkeypatch):
+    """A block comes down to a mirror, and ghosts and rows need more room: the same bits and levels as with enough."""
+    make_room, runs = Ghosts._make_room, []
+    falling = ["spacing=0.025", "fluids[0].shape.box={min: [0, 0.3], max: [1, 0.7]}", "fluids[0].velocity=[0, -3]"]
+    gauge = "gauges=[{name: middle, x: 0.5, bottom: 0.0}]"
+    for room, row in ((4096, 2.0), (64, warpsph.model.ROOM)):
+        enough = lambda ghosts, wanted, room=room: make_room(ghosts, max(wanted, room))  # noqa: E731
+        monkeypatch.setattr(Ghosts, "_make_room", enough)
+        monkeypatch.setattr(warpsph.model, "ROOM", row)
+        simulation = Simulation(make_scene(BLOCK, images(FLOOR), *falling, gauge), device)
+        levels, rooms, rows = [], [], []
+        for time in (0.02, 0.1, 0.12):
+            simulation.advance(time)
+            levels += simulation.gauges.levels()
+            rooms.append(len(simulation.step.neighbours.ghosts.source))
+            rows.append(simulation.model.parameters.list_capacity)
+        grows = room == 64
+        assert (rooms[0] < rooms[1] < rooms[2], rows[0] < rows[2]) == (grows, grows)
+        runs.append((levels, bits(simulation)))
+    assert levels[0] > levels[1] > levels[2] > 0.3
+    assert runs[0] == runs[1]
 
 
 def test_threads_leave_no_trace(make_scene):

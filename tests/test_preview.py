@@ -13,7 +13,6 @@ from warpsph.preview import (
     FrameWriter,
     _seen_from_the_front,
     animate,
-    contact_sheet,
     fluid_colors,
     gauge_picture,
     window_around,
@@ -206,14 +205,6 @@ def test_gauges_are_drawn_with_the_amplitude_of_their_crests(tmp_path, monkeypat
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["near", "far"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "level − still level [m]")
     assert Image.open(tmp_path / "gauges.png").size == (1350, 630)
-
-
-def test_a_sheet_stacks_frames_under_their_labels(frames, tmp_path):
-    chosen = [frames / "frame.00000.png", frames / "frame.00007.png"]
-    contact_sheet(chosen, ["t = 0", "t = 7/30 s"], tmp_path / "sheet.png")
-    sheet, (width, height) = pixels_of(tmp_path / "sheet.png"), Image.open(chosen[0]).size
-    assert sheet.shape == (2 * (height + 40), width, 3)
-    np.testing.assert_array_equal(sheet[height + 80 :], pixels_of(chosen[1]))
 
 
 def test_body_in_space_shows_its_front_and_top_and_not_its_back():

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from warpsph.geometry import place
-from warpsph.scene import Corner, Scene, SceneError, json_schema, load_scene
+from warpsph.scene import Scene, SceneError, json_schema, load_scene
+from warpsph.scene_shapes import Corner
 
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.yaml"))
 MANUAL = (Path(__file__).parents[1] / "scenes" / "README.md").read_text(encoding="utf-8")

@@ -17,21 +17,6 @@ from warpsph.simulation import DEVELOPED, BlowUpError, Simulation, forecast
 # Relative; what is read back is in single precision.
 TOLERANCE = 1e-6
 
-RELEASE = """
-title: A block held above a pool
-dimensions: 2
-spacing: 0.02
-materials:
-  water: {density: 1000.0, sound_speed: 30.0, alpha: 0.05}
-  rock: {density: 2500.0, sound_speed: 30.0}
-walls:
-  - {name: tank, path: [[0.0, 0.5], [0.0, 0.0], [0.4, 0.0], [0.4, 0.5]]}
-fluids:
-  - {name: pool, material: water, fill: {level: 0.2, above: tank}}
-  - {name: block, material: rock, hold: true, shape: {box: {min: [0.16, 0.3], max: [0.24, 0.36]}}}
-warm_up: {duration: 0.1, damping: 50.0, settling: 0.04}
-run: {end_time: 1.0}
-"""
 DROP = """
 title: A drop without walls
 dimensions: 2
@@ -47,9 +32,9 @@ run: {end_time: 1.0}
 
 
 @pytest.fixture
-def warming(make_scene, device) -> Simulation:
+def warming(make_release, device) -> Simulation:
     """At the start of its warm-up."""
-    return Simulation(make_scene(RELEASE), device)
+    return Simulation(make_release(), device)
 
 
 def test_phases(warming):
@@ -63,6 +48,22 @@ def test_phases(warming):
     assert damping == [(True, 50.0), (False, 50.0), (False, 0.0)]
 
 
+def test_phases_on_the_way_are_entered(make_release, device, bits):
+    """The same bits as by hand, whether one stops at the changes or not."""
+    by_hand = Simulation(make_release(), device)
+    for time in (*by_hand.phase_changes(), 0.02):
+        by_hand.advance(time)
+        by_hand.enter_phase()
+    for stops in ([], by_hand.phase_changes()):
+        simulation = Simulation(make_release(), device)
+        for time in (*stops, 0.02):
+            simulation.reach(time)
+        assert bits(simulation) == bits(by_hand)
+    simulation = Simulation(make_release(), device)
+    simulation.reach(-0.03)
+    assert simulation.time == -0.03 and not simulation.step.settling and simulation.state.damping.numpy()[0] == 50.0
+
+
 def test_no_warm_up_begins_at_the_release(make_collapse, device):
     simulation = Simulation(make_collapse(), device)
     assert simulation.time == 0.0 and simulation.phase_changes() == []
@@ -73,9 +74,7 @@ def test_held_fluid_waits_for_its_release(warming):
     """While the pool below it settles; then it falls with g."""
     start = warming.state.snapshot()
     held = start.fluid == 1
-    for time in warming.phase_changes():
-        warming.advance(time)
-        warming.enter_phase()
+    warming.reach(0.0)
     released = warming.state.snapshot()
     np.testing.assert_array_equal(released.position[held], start.position[held])
     assert not released.velocity[held].any()
@@ -245,8 +244,8 @@ def test_every_formula_runs(make_collapse, device, smoothing, viscosity, diffusi
 # --------------------------------------------------------------------------------------------------------- forecast
 
 
-def test_forecast_is_what_comes(make_scene, device):
-    scene = make_scene(RELEASE)
+def test_forecast_is_what_comes(make_release, device):
+    scene = make_release()
     expected, simulation = forecast(scene, Launcher(device)), Simulation(scene, device)
     assert expected.particle_count == simulation.model.particle_count == sum(expected.counts.values())
     assert expected.counts == {"pool": 200, "block": 12}

@@ -65,12 +65,6 @@ def step_by_step(simulation: Simulation, time: float):
         yield dt
 
 
-def bits(simulation: Simulation) -> dict[str, bytes]:
-    state = simulation.state
-    names = state.KEPT
-    return {name: getattr(state, name).numpy().tobytes() for name in names}
-
-
 # ------------------------------------------------------------------------------------------------------------ order
 
 
@@ -268,7 +262,7 @@ def test_lists_hold_every_pair_within_the_support(make_scene, device):
     assert 10 < neighbours.rebuilds - built < 0.8 * steps
 
 
-def test_lists_that_grow_on_the_way(make_collapse, device, monkeypatch):
+def test_lists_that_grow_on_the_way(make_collapse, device, bits, monkeypatch):
     """A row that becomes too short is found, and the steps that follow read the longer one: the same bits."""
     runs, capacities = [], []
     for room in (warpsph.model.ROOM, 0.85):  # with room for the lattice at the start, and no more
@@ -301,7 +295,7 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
 
 
 @every_scheme
-def test_a_loop_of_steps_gives_the_same_bits(make_collapse, device, scheme):
+def test_a_loop_of_steps_gives_the_same_bits(make_collapse, device, bits, scheme):
     """Handed to the device as a whole from one list to the next, a graph for each thread of a CPU."""
     runs = []
     for threads, loops in ((1, False), (1, True), (2, True)):
@@ -322,7 +316,7 @@ def test_a_loop_of_steps_gives_the_same_bits(make_collapse, device, scheme):
 @pytest.mark.parametrize(
     "overrides", [*SCHEMES.values(), ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]]
 )
-def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, overrides):
+def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, bits, overrides):
     runs = []
     for threads in (1, 2, 1, 3):
         simulation = Simulation(make_collapse(*overrides), device, threads)
@@ -335,7 +329,7 @@ def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, ove
 
 
 @pytest.mark.parametrize("text", [DROP, COLLISION])
-def test_collected_blocks_make_the_same_steps(make_scene, monkeypatch, text):
+def test_collected_blocks_make_the_same_steps(make_scene, bits, monkeypatch, text):
     """As on a GPU, up to the particle that becomes absurd."""
     scene = make_scene(text)
     found = []

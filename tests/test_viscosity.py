@@ -8,6 +8,7 @@ import pytest
 from warpsph.geometry import place
 from warpsph.scene import SceneError
 from warpsph.simulation import Simulation
+from warpsph.step import Step
 from warpsph.validation.analytic import couette, poiseuille
 
 # Relative, for sums over steps and particles in single precision.
@@ -149,6 +150,56 @@ def make_resting(make_scene, device):
     simulation = Simulation(make_scene(DROP, *BINGHAM), device)
     simulation.advance(0.002)
     return simulation.state.snapshot()
+
+
+SLIDING = """
+title: A mud slides past a wall
+spacing: 0.05
+gravity: 0.0
+body_force: [20.0, 0.0]
+materials:
+  mud:
+    density: 1000.0
+    sound_speed: 20.0
+    alpha: 0.0
+    rheology: {law: bingham, consistency: 20.0, yield_stress: 3000.0, viscosity_max: 2000.0}
+fluids: [{name: mud, material: mud, jitter: 0.2, shape: {box: {min: [0, 0], max: [0.5, 0.5]}}}]
+images:
+  - {name: bed, mirror: {point: [0, 0], normal: [0, 1], velocity_rule: no_slip_opposite}}
+  - {name: along, periodic: {start: [0, 0], end: [0.5, 0]}}
+run: {end_time: 1.0}
+"""
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "runge_kutta"])
+def test_what_is_shown_is_of_the_same_time_as_the_velocity(make_scene, device, integrator):
+    """As it is found for a new simulation of the same particles and velocities, among images too."""
+    scene = make_scene(SLIDING, f"run.integrator={integrator}")
+    simulation = Simulation(scene, device)
+    simulation.advance(0.1)
+    found = simulation.state.snapshot()
+    again = Simulation(
+        scene, device, placement=replace(simulation.placement, position=found.position, velocity=found.velocity)
+    )
+    again.state.density.assign(found.density[again.state.id.numpy()])
+    again.step._pack()
+    again.step.find_viscosity()
+    other = again.state.snapshot()
+    assert 0.1 < found.yielded.mean() < 0.9
+    np.testing.assert_allclose(found.apparent_viscosity, other.apparent_viscosity, rtol=1e-3)
+    assert np.mean(found.yielded == other.yielded) > 0.99
+
+
+def test_what_is_shown_leaves_no_trace(make_scene, device, bits, monkeypatch):
+    runs = []
+    for looks in (True, False):
+        if not looks:
+            monkeypatch.setattr(Step, "find_viscosity", lambda step: None)
+        simulation = Simulation(make_scene(SLIDING), device)
+        for time in (0.01, 0.02, 0.05):
+            simulation.advance(time)
+        runs.append(bits(simulation))
+    assert runs[0] == runs[1]
 
 
 # ------------------------------------------------------------------------------------------------------- with images

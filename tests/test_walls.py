@@ -56,9 +56,7 @@ CORNERS = pytest.mark.parametrize("interior", [90.0, 120.0, 150.0, None])
 def test_water_rests_in_a_corner(simulate, force, interior):
     fill = f"fill: {{level: {DEPTH}, above: trough}}"
     simulation = simulate(force, interior, fill, "warm_up: {duration: 0.6, damping: 40.0}")
-    for time in [*simulation.phase_changes(), 0.2]:
-        simulation.advance(time)
-        simulation.enter_phase()
+    simulation.reach(0.2)
     snapshot = simulation.state.snapshot()
     assert not behind_walls(simulation.placement, snapshot.position).any()
     speed = np.linalg.norm(snapshot.velocity, axis=1)

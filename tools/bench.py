@@ -130,26 +130,16 @@ def time_steps(simulation: Simulation, steps: int) -> Timing:
     )
 
 
-def advance(simulation: Simulation, until: float) -> None:
-    """Run to `until` [s] through the phases of the scene."""
-    for change in simulation.phase_changes():
-        if simulation.time < change <= until:
-            simulation.advance(change)
-            simulation.enter_phase()
-    if simulation.time < until:
-        simulation.advance(until)
-
-
 def run_up(case: Case, device: str, threads: int, folder: Path) -> list[float]:
     """Run to developed flow and leave a checkpoint in `folder`; the pressure noise on the way."""
     simulation = begin(case.scene, device, threads, None)
     noise = []
     for moment in NOISE_TIMES if case.pressure_scale else ():
-        advance(simulation, moment)
+        simulation.reach(moment)
         s = simulation.state.snapshot()
         walls, spacing = simulation.placement.wall_position, case.scene.spacing
         noise.append(pressure_noise(s.position, s.pressure, walls, spacing, case.pressure_scale))
-    advance(simulation, DEVELOPED_TIME)
+    simulation.reach(DEVELOPED_TIME)
     folder.mkdir()
     write_checkpoint(folder, simulation)
     return noise

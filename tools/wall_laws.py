@@ -22,8 +22,9 @@ import numpy as np
 from bench_noise import neighbours, pressure_noise
 
 from warpsph.geometry import behind_walls
-from warpsph.scene import Scene, WallModel, load_scene
+from warpsph.scene import Scene, load_scene
 from warpsph.scene_file import SceneError
+from warpsph.scene_walls import WallModel
 from warpsph.simulation import BlowUpError, Simulation
 
 SCENE = Path(__file__).resolve().parent.parent / "scenes" / "still_water.yaml"
@@ -39,11 +40,9 @@ def row(scene: Scene) -> str:
     simulation = Simulation(scene)
     end, fastest = scene.run.end_time, 0.0
     last = end - min(1.0, 0.5 * end)
-    for time in [*simulation.phase_changes(), *np.linspace(last, end, 51)]:
-        simulation.advance(time)
-        simulation.enter_phase()
-        if time >= last:
-            fastest = max(fastest, float(np.linalg.norm(simulation.state.velocity.numpy(), axis=1).max()))
+    for time in np.linspace(last, end, 51):
+        simulation.reach(time)
+        fastest = max(fastest, float(np.linalg.norm(simulation.state.velocity.numpy(), axis=1).max()))
     snapshot, walls = simulation.state.snapshot(), simulation.placement.wall_position
     x, p, weight = snapshot.position, snapshot.pressure, material.density * scene.gravity
     inside = pressure_noise(x, p, walls, dx, weight * depth)

@@ -33,6 +33,19 @@ class Gauges:
         device = model.launcher.device
         self._points = wp.array(np.concatenate(points), dtype=wp.vec3, device=device)
         self._fraction = wp.zeros(len(self._points), dtype=float, device=device)
+        self._record()
+
+    def _record(self) -> None:
+        """Bind the launch to the packed particles as they are now: they move when more ghosts need room."""
+        model, self._read = self._model, self._state.position_volume
+        self._find_fraction = model.launcher.record(
+            volume_fraction_kernel(model.scene.smoothing.kernel),
+            len(self._points),
+            [
+                *(model.grid, model.parameters, model.support + model.longest_motion, self._cells.start),
+                *(self._points, self._read, self._fraction),
+            ],
+        )
 
     def _column(self, bottom: float, top: float) -> np.ndarray:
         """Heights at which a gauge looks [m]: two at least, so that one above all fluid is dry."""
@@ -42,15 +55,9 @@ class Gauges:
         """Level at each gauge [m]; the bottom of the gauge where it is dry."""
         if not self.names:
             return []
-        model = self._model
-        model.launcher.run(
-            volume_fraction_kernel(model.scene.smoothing.kernel),
-            len(self._points),
-            [
-                *(model.grid, model.parameters, model.support + model.longest_motion, self._cells.start),
-                *(self._points, self._state.position_volume, self._fraction),
-            ],
-        )
+        if self._read is not self._state.position_volume:
+            self._record()
+        self._find_fraction()
         ends = np.cumsum([len(z) for z in self._heights])[:-1]
         fractions = np.split(self._fraction.numpy(), ends)
         return [surface(z, fraction, LEAST_SAMPLES) for z, fraction in zip(self._heights, fractions, strict=True)]

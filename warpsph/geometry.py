@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from warpsph.images import Edge, find_edges, find_images
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.outline import Array
-from warpsph.scene import Fluid, Scene
+from warpsph.scene import Scene
+from warpsph.scene_fluids import Fluid
 from warpsph.solids import Solid, place_bodies, refuse_behind
 from warpsph.surface import Crate, Frame, Sheet, solid, wall_surface
 
@@ -201,7 +202,6 @@ class Placement:
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count, 3].
         wall_before, wall_after: From each wall point to its neighbours on an outline [m], 0 where it ends, and
             everywhere in a 3-D scene, shape [wall_count, 3].
-        wall_index: Index into `scene.walls`, int32, shape [wall_count].
         wall_area: Area of wall that each point stands for [m2, in 2-D a length in m], shape [wall_count].
         sides: Side of each wall on which the fluid is, as `wet_side`.
         solids: The bodies in their places.
@@ -218,7 +218,6 @@ class Placement:
     wall_normal: Array
     wall_before: Array
     wall_after: Array
-    wall_index: NDArray[np.int32]
     wall_area: Array
     sides: tuple[int, ...]
     solids: tuple[Solid, ...]
@@ -282,7 +281,6 @@ def place(scene: Scene) -> Placement:
         wall_normal=np.concatenate([nowhere, *(n * side for (_, n, _), side in zip(samples, sides, strict=True))]),
         wall_before=np.concatenate([nowhere, *(before for before, _ in ways)]),
         wall_after=np.concatenate([nowhere, *(after for _, after in ways)]),
-        wall_index=np.repeat(np.arange(len(samples), dtype=np.int32), [len(points) for points, _, _ in samples]),
         wall_area=np.concatenate([np.empty(0), *(areas for _, _, areas in samples)]),
         sides=tuple(sides),
         solids=tuple(solids),
@@ -291,7 +289,7 @@ def place(scene: Scene) -> Placement:
     )
     if edges and walls:
         placement = _repeat_walls(scene, placement)
-    warnings += _doubts(scene, placement, drawn) + _slow_sound(scene, drop_height(placement))
+    warnings += _doubts(scene, placement, drawn, edges) + _slow_sound(scene, drop_height(placement))
     return replace(placement, warnings=tuple(warnings))
 
 
@@ -353,7 +351,6 @@ def _repeat_walls(scene: Scene, placement: Placement) -> Placement:
         wall_normal=turned(placement.wall_normal),
         wall_before=turned(placement.wall_before),
         wall_after=turned(placement.wall_after),
-        wall_index=placement.wall_index[index],
         wall_area=placement.wall_area[index],
     )
 
@@ -412,7 +409,7 @@ def _slow_sound(scene: Scene, drop: float) -> list[str]:
     return warnings
 
 
-def _doubts(scene: Scene, placement: Placement, drawn: Array) -> list[str]:
+def _doubts(scene: Scene, placement: Placement, drawn: Array, edges: Sequence[Edge]) -> list[str]:
     """Warnings about what can be run but was hardly meant; `drawn` are points on the walls [m], shape [n, 3]."""
     doubts = []
     if scene.warm_up is None:
@@ -421,7 +418,7 @@ def _doubts(scene: Scene, placement: Placement, drawn: Array) -> list[str]:
                 doubts.append(scene.error(f"fluids[{i}].hold", "there is no warm_up to hold it through"))
     for i, gauge in enumerate(scene.gauges):
         x, reach = np.array([gauge.x, gauge.y or 0.0, 0.0]), 2.0 * scene.smoothing_length
-        for edge in find_edges(scene)[0]:
+        for edge in edges:
             if abs(edge.normal[2]) < 1e-9 and x @ edge.normal - edge.offset < reach:
                 words = f"stands closer than 2 h = {reach:.3g} m to '{edge.name}', beyond which it sees no fluid"
                 doubts.append(scene.error(f"gauges[{i}]", words))

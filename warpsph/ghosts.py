@@ -46,6 +46,7 @@ class Ghosts:
         ghost_fluid = state.fluid_and_ghosts[n:]
         self._make = record(kernels.make_ghosts, n, [*seen, self.source, self.image, ghost_fluid, self._position])
         self._forget = record(kernels.forget_ghosts, room, [self._first, n, self.source, self._position])
+        self._appended_to: wp.array | None = None  # the lists that `append` is bound to
         packed = (state.position_volume, state.velocity_pressure)
         self.move = record(
             kernels.move_ghosts,
@@ -77,17 +78,20 @@ class Ghosts:
         return grown
 
     def append(self, neighbour_list: wp.array) -> None:
-        """Append the ghosts to the rows of the lists."""
+        """Append the ghosts to the rows of the lists, which are another array whenever rows have grown."""
         model = self._model
-        model.launcher.run(
-            kernels.list_ghosts,
-            model.particle_count,
-            [
-                *(model.grid, model.parameters, model.particle_count, self._cells.start, self._cells.order),
-                *(self._particles.cell, self._state.listed_position, self._position),
-                *(self._count, neighbour_list, self.inner_count),
-            ],
-        )
+        if self._appended_to is not neighbour_list:
+            self._appended_to = neighbour_list
+            self._append = model.launcher.record(
+                kernels.list_ghosts,
+                model.particle_count,
+                [
+                    *(model.grid, model.parameters, model.particle_count, self._cells.start, self._cells.order),
+                    *(self._particles.cell, self._state.listed_position, self._position),
+                    *(self._count, neighbour_list, self.inner_count),
+                ],
+            )
+        self._append()
 
     def compare_motion(self) -> Launch:
         """What the lists allow between particles and ghosts, as `compare_motion` does it among particles."""

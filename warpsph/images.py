@@ -16,8 +16,8 @@ import warp as wp
 
 from warpsph.kernels import images as kernels
 from warpsph.outline import Array
-from warpsph.scene import Image as ImageField
 from warpsph.scene import Scene
+from warpsph.scene_walls import Image as ImageField
 
 # More images than this are no corner of mirrors but one that does not close.
 MOST_IMAGES = 128
@@ -128,8 +128,7 @@ def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tupl
                 continue
             gap = _gap(image, corners, planes)
             if gap < -0.01 * scene.spacing:
-                at = next((i for i, edge in enumerate(edges) if edge.path == edges[-1].path), 0)
-                raise scene.error(edges[at].path, _misfit(edges, generators))
+                raise scene.error(edges[-1].path, _misfit(edges, generators))
             if gap < radius:
                 fresh.append(image)
         found += fresh

@@ -15,7 +15,8 @@ from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.walls import BY_LEG
 from warpsph.launch import Launcher
 from warpsph.rheology import viscous
-from warpsph.scene import Material, Scene
+from warpsph.scene import Scene
+from warpsph.scene_fluids import Material
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.scene import Corner, Scene, Shape, Solid, Wall
+from warpsph.scene import Scene
+from warpsph.scene_shapes import Corner, Shape, Solid
+from warpsph.scene_walls import Wall
 
 Array = NDArray[np.float64]
 

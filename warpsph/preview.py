@@ -1,4 +1,4 @@
-"""Pictures of a run: a frame of particles, an animation of frames, the gauge records, a sheet of frames.
+"""Pictures of a run: a frame of particles, an animation of frames, the gauge records.
 
 Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and without pyplot's global state; particles by
 a kernel, into the pixels of that canvas.
@@ -18,14 +18,13 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 import warp as wp
-from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from warpsph.bodies import rotation
 from warpsph.kernels.pictures import paint_discs
@@ -350,22 +349,6 @@ def _write_gif(frames: Sequence[Path], path: Path, fps: float) -> None:
     unfinished = path.with_name(f".{path.name}")
     next(pictures).save(unfinished, save_all=True, append_images=pictures, duration=durations, loop=0)
     os.replace(unfinished, path)
-
-
-def contact_sheet(frames: Sequence[Path], labels: Sequence[str], out: Path) -> None:
-    """Put frames one below the other in one PNG, each under its label."""
-    pictures = [Image.open(frame).convert("RGB") for frame in frames]
-    font = ImageFont.truetype(font_manager.findfont("DejaVu Sans:bold"), 20)
-    strip = 40  # height of a label [px]
-    size = max(picture.width for picture in pictures), sum(strip + picture.height for picture in pictures)
-    sheet = Image.new("RGB", size, "white")
-    pen, top = ImageDraw.Draw(sheet), 0
-    for picture, label in zip(pictures, labels, strict=True):
-        pen.rectangle((0, top, size[0], top + strip - 1), fill="#eef1f4")
-        pen.text((LEFT, top + strip // 2), label, font=font, fill=INK, anchor="lm")
-        sheet.paste(picture, (0, top + strip))
-        top += strip + picture.height
-    sheet.save(out, optimize=True)
 
 
 # -------------------------------------------------------------------------------------------------------------- records

@@ -9,7 +9,8 @@ import warp as wp
 
 from warpsph.kernels.laminar import VISCOUS_COURANT, artificial_share
 from warpsph.kernels.rheology import Rheology
-from warpsph.scene import MOST_STAGES, Laminar, Scene
+from warpsph.scene import Scene
+from warpsph.scene_fluids import MOST_STAGES, Laminar
 
 # Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.
 MARGIN = 0.9

@@ -91,7 +91,7 @@ class Simulation:
         return arrays | (self.bodies.kept() if self.bodies else {})
 
     def advance(self, time: float) -> None:
-        """Step until `time` [s], exactly.
+        """Step until `time` [s], exactly; what outputs show besides the state is of that time then.
 
         Raises:
             BlowUpError: a particle became absurd on the way.
@@ -101,6 +101,20 @@ class Simulation:
         fault = int(self.state.fault.numpy()[0])
         if fault:
             raise BlowUpError(self._describe(fault))
+        self.step.find_viscosity()
+
+    def reach(self, time: float) -> None:
+        """Step until `time` [s], exactly, and enter the phases that begin on the way.
+
+        Raises:
+            BlowUpError: a particle became absurd on the way.
+        """
+        for change in self.phase_changes():
+            if self.time < change <= time:
+                self.advance(change)
+                self.enter_phase()
+        if self.time < time:
+            self.advance(time)
 
     def _describe(self, fault: int) -> str:
         s, slot = self.state, int(self.state.fault_slot.numpy()[0])

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph import scene as fields
 from warpsph.bodies import (
     ContactLeg,
     ContactPoints,
@@ -43,14 +42,15 @@ from warpsph.mesh import (
 )
 from warpsph.motion import Motion, read_table
 from warpsph.outline import Array, Bend, Line, Outline, closed_outline, path_legs
-from warpsph.rigid import Body, Surface, counter_clockwise, plane_mass, surface_of_outline
+from warpsph.rigid import PLANE_SHIFT, PLANE_TURN, Body, Surface, counter_clockwise, plane_mass, surface_of_outline
 from warpsph.scene import Scene
+from warpsph.scene_bodies import Body as BodyField
+from warpsph.scene_bodies import BodyMotion
+from warpsph.scene_shapes import Solid as SolidField
 from warpsph.surface import Crate, Sheet, in_space
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2
-# Ways in which a body can be locked, by axis.
-_SHIFTS, _TURNS = ("x", "y", "z"), ("turn_x", "turn_y", "turn_z")
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def moved_outline(outline: Outline, angle: float, shift: Array) -> Outline:
     )
 
 
-def _solid(scene: Scene, path: str, body: fields.Body) -> Solid:
+def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
     """One body in its place."""
     set_back, angle = scene.wall_model.set_back * scene.spacing, math.radians(body.angle)
     at = np.array(body.at or [0.0] * scene.dimensions)
@@ -224,7 +224,7 @@ def _solid(scene: Scene, path: str, body: fields.Body) -> Solid:
         raise scene.error(f"{path}.shape", str(error)) from None
 
 
-def _outline(scene: Scene, path: str, shape: fields.Solid) -> Outline:
+def _outline(scene: Scene, path: str, shape: SolidField) -> Outline:
     if shape.path:
         return Outline(path_legs(scene, f"{path}.shape.path", shape.path, closed=True), closed=True)
     return closed_outline(shape)
@@ -274,7 +274,7 @@ def _with_spines(surface: Surface, outline: Outline, distance: float, spacing: f
     return surface
 
 
-def _mesh(shape: fields.Solid, turn: Array, at: Array) -> tuple[Mesh, tuple[Array, float] | None]:
+def _mesh(shape: SolidField, turn: Array, at: Array) -> tuple[Mesh, tuple[Array, float] | None]:
     """The surface of a shape in its place; and, of a sphere, centre and radius."""
     ball = None
     if shape.box:
@@ -289,7 +289,7 @@ def _mesh(shape: fields.Solid, turn: Array, at: Array) -> tuple[Mesh, tuple[Arra
 
 def _surface(
     scene: Scene,
-    shape: fields.Solid,
+    shape: SolidField,
     mesh: Mesh,
     ball: tuple[Array, float] | None,
     turn: Array,
@@ -314,7 +314,7 @@ def _surface(
     return surface_of_mesh(sphere_mesh(ball[0], ball[1] - set_back), scene.wall_spacing), samples
 
 
-def _motion(scene: Scene, path: str, motion: fields.BodyMotion) -> Motion:
+def _motion(scene: Scene, path: str, motion: BodyMotion) -> Motion:
     table = None
     if motion.file:
         try:
@@ -335,14 +335,17 @@ def _motion(scene: Scene, path: str, motion: fields.BodyMotion) -> Motion:
     )
 
 
-def _freedom(scene: Scene, body: fields.Body) -> tuple[Array, Array]:
+def _freedom(scene: Scene, body: BodyField) -> tuple[Array, Array]:
     """1 for each axis along which and about which the body is free."""
-    in_plane_only = scene.dimensions == 2
-    shifts = [float(way not in body.locked and not (in_plane_only and way == "y")) for way in _SHIFTS]
-    turns = [float(way not in body.locked and not in_plane_only) for way in _TURNS]
-    if in_plane_only:
-        turns[1] = float("angle" not in body.locked)
-    return np.array(shifts), np.array(turns)
+    in_space = (1.0, 1.0, 1.0)
+    shifts, turns = (PLANE_SHIFT, PLANE_TURN) if scene.dimensions == 2 else (in_space, in_space)
+    along, about = ("x", "y", "z"), ("turn_x", "angle" if scene.dimensions == 2 else "turn_y", "turn_z")
+    return _unless(shifts, along, body.locked), _unless(turns, about, body.locked)
+
+
+def _unless(free: Sequence[float], ways: Sequence[str], locked: Sequence[str]) -> Array:
+    """`free` with 0 for each of the `ways` that are locked."""
+    return np.array([one * (way not in locked) for one, way in zip(free, ways, strict=True)])
 
 
 def _overlap(scene: Scene, solid: Solid, points: Array) -> Array | None:
@@ -370,7 +373,7 @@ def _turned(points: Array, angle: float) -> Array:
     return points @ np.array([[c, s], [-s, c]])
 
 
-def _turn_in_space(body: fields.Body) -> Array:
+def _turn_in_space(body: BodyField) -> Array:
     """The matrix of the turn by which a drawing is put in its place, shape [3, 3]."""
     axis, half = _axis(body.axis), math.radians(0.5 * body.angle)
     return rotation([*(math.sin(half) * axis / np.linalg.norm(axis)), math.cos(half)])

@@ -97,7 +97,7 @@ class State:
         needs_gradient = model.formulas.diffusion in BY_GRADIENT
         self.pressure_gradient = zeros(wp.vec3, count if needs_gradient else 1)  # [Pa/m]
         has_rheology = model.viscous is not None and model.viscous.law is not None
-        self.apparent_viscosity = zeros(float, count if has_rheology else 1)  # of the last step [Pa s]
+        self.apparent_viscosity = zeros(float, count if has_rheology else 1)  # when outputs are due [Pa s]
         self.yielded = zeros(int, count if has_rheology else 1)  # 0: a plug
         is_filtered = model.scene.density_filter.model != "none"
         self.filtered_density = zeros(wp.float64, count if is_filtered else 1)  # [kg/m3]

@@ -50,7 +50,7 @@ class Step:
         self._pack()
         if self.evaluations == 1:
             self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
-        self._find_viscosity()
+        self.find_viscosity()
 
     def __call__(self) -> None:
         """Advance by one step."""
@@ -91,13 +91,14 @@ class Step:
         self._bind(grown)
         self.state.stale.fill_(stale)
         self._pack()
-        self._find_viscosity()
+        self.find_viscosity()
 
-    def _find_viscosity(self) -> None:
-        """For who looks at it before the first step."""
-        if self.viscosity:
-            for launch in (*self.viscosity.apparent(), *self.viscosity.yielding().values()):
-                launch()
+    def find_viscosity(self) -> None:
+        """The apparent viscosity and what has yielded, for who looks between steps; no step reads them from here."""
+        if self._shown and self.neighbours.ghosts:
+            self.neighbours.ghosts.move()
+        for launch in self._shown:
+            launch()
 
     def aim_at(self, time: float) -> None:
         """Let the steps that follow end exactly at `time` [s]."""
@@ -119,6 +120,7 @@ class Step:
             density.rest_density, s.position, s.fluid, s.density, s.density_rate, s.last_diffusion_rate
         )
         self.stages = self.integrator.stages(self)
+        self._shown = self.viscosity.shown() if self.viscosity else []
 
     def _pack(self) -> None:
         """Position and pressure as the pair loops read them: the first stage, with dt = 0."""

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpsph.outline import Array, Line, Outline, closed_outline, wall_outline
-from warpsph.scene import Face, Scene, Shape
+from warpsph.scene import Scene
+from warpsph.scene_shapes import Shape
+from warpsph.scene_walls import Face
 
 FACES = get_args(Face)  # two for each axis, the low one first
 

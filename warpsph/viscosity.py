@@ -67,9 +67,9 @@ class Viscosity:
         normalise = self._record(
             laminar.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
         )
-        return [*self.apparent(), normalise, start]
+        return [*self._apparent(), normalise, start]
 
-    def apparent(self) -> list[Launch]:
+    def _apparent(self) -> list[Launch]:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
         m, s = self.model, self.state
         gradient = self._gradient(s.velocity_pressure)
@@ -80,20 +80,20 @@ class Viscosity:
         numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
         return [gradient, self._record(law, *numbers, self.material_viscosity)]
 
-    def yielding(self) -> dict[str, Launch]:
-        """The launch that tells plugs from what flows, for the velocity in `velocity_pressure`; after `apparent`."""
+    def shown(self) -> list[Launch]:
+        """Launches that find what outputs show, for the velocity in `velocity_pressure`; none for constant viscosities.
+
+        That is the apparent viscosity, and what has yielded: steps make the former for themselves, at their middle.
+        """
         m, s = self.model, self.state
         if m.viscous.law is None:
-            return {}
+            return []
         kernel = laminar.yielding_kernel(
             m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
         )
         numbers = [self.material_viscosity, m.viscous.rheology.yield_stress, s.yielded]
-        return {
-            "what has yielded": self._record(
-                kernel, *self._read(s.velocity_pressure), s.fluid, *self._lists(), *numbers
-            )
-        }
+        tell = self._record(kernel, *self._read(s.velocity_pressure), s.fluid, *self._lists(), *numbers)
+        return [*self._apparent(), tell]
 
     def stages(self, share: float = 1.0) -> dict[str, Launch | Callable[[], None]]:
         """Launches that add the acceleration by viscosity to `state.dissipative_acceleration`, in order.
@@ -106,8 +106,8 @@ class Viscosity:
         if count == 1:
             *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
             add = self._record(laminar.add_acceleration, self.rate[0], dissipative)
-            return {**self.yielding(), **self._named("viscosity, stress", before), "viscosity": chain(sweep, add)}
-        launches = dict(self.yielding())
+            return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, add)}
+        launches: dict[str, Launch | Callable[[], None]] = {}
         for j, stage in enumerate(legendre_stages(count), 1):
             read, written = self.velocity_viscosity[(j + 1) % 2], self.velocity_viscosity[j % 2]
             rate = self.rate[0] if j == 1 else self.rate[1]

@@ -1,4 +1,4 @@
-"""What the tests of kernels share: a cloud of particles, and NumPy's own view of its pairs."""
+"""What the tests of kernels share: a cloud of particles with NumPy's own view of its pairs, and bodies in contact."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.bodies import BodySet, ContactLeg, ContactPoints, rotation
 from warpsph.kernels.density import pressure_gradient_kernel
 from warpsph.kernels.neighbours import CellGrid
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.launch import Launcher
+from warpsph.mesh import Mesh
+from warpsph.rigid import Body
 
 # Two fluids, as unlike as water and rock.
 REST_DENSITY = np.array([1000.0, 2530.0])  # [kg/m3]
@@ -219,3 +222,84 @@ def mixture(make_cloud) -> Callable[..., Cloud]:
         return make_cloud(x, **(given | fields))
 
     return make
+
+
+class Touching:
+    """Bodies that gravity and contact move, step by step; `set` holds them, `step` is how long one takes [s]."""
+
+    def __init__(
+        self,
+        device: str,
+        bodies: Sequence[Body],
+        walls: Sequence[ContactLeg] = (),
+        wall_points: ContactPoints | None = None,
+        *,
+        dt: float = 1e-4,
+        gravity: Sequence[float] = (0.0, 0.0, -9.81),
+        **options: float,
+    ) -> None:
+        """`options` are those of a `BodySet`."""
+        launcher, self.gravity = Launcher(device, threads=1), np.array(gravity)
+        self.set = BodySet(launcher, bodies, walls, wall_points, gravity=gravity, **options)
+        self.time = wp.zeros(1, dtype=wp.float64, device=launcher.device)
+        self.dt, self.step = wp.array([dt], dtype=float, device=launcher.device), float(np.float32(dt))
+        self.stages = [
+            self.set.drift(0.0, 0.5, self.time, self.dt),
+            self.set.kick(self.time, self.dt),
+            self.set.drift(0.5, 1.0, self.time, self.dt),
+        ]
+
+    def __call__(self, seconds: float) -> "Touching":
+        for _ in range(round(seconds / self.step)):
+            for stage in self.stages:
+                stage()
+        return self
+
+    def position(self, body: int = 1) -> np.ndarray:
+        return self.set.position.numpy()[body].copy()
+
+    def velocity(self, body: int = 1) -> np.ndarray:
+        return self.set.velocity.numpy()[body].copy()
+
+    def spin(self, body: int = 1) -> np.ndarray:
+        return self.set.spin.numpy()[body].copy()
+
+    def tilt(self, body: int = 1) -> float:
+        """The angle through which a body in the plane has turned from z to x [rad]."""
+        q = self.set.orientation.numpy()[body]
+        return 2.0 * math.atan2(q[1], q[3])
+
+    def corners(self, body: int = 1) -> np.ndarray:
+        """Where the corners of a body's outline are, shape [n, 2]."""
+        legs = self.set.bodies[body - 1].outline.legs
+        return self._placed(np.insert([leg.points(np.zeros(1))[0] for leg in legs], 1, 0.0, axis=1), body)[:, [0, 2]]
+
+    def mesh(self, body: int = 1) -> Mesh:
+        """A body's mesh where it is."""
+        drawn = self.set.bodies[body - 1].mesh
+        return Mesh(self._placed(drawn.vertices, body), drawn.triangles)
+
+    def _placed(self, drawn: np.ndarray, body: int) -> np.ndarray:
+        R = rotation(self.set.orientation.numpy()[body])
+        return (drawn - self.set.bodies[body - 1].mass.centre) @ R.T + self.position(body)
+
+    def energy(self) -> float:
+        """Kinetic and potential [J], in the plane [J/m]."""
+        masses = np.array([0.0, *(body.mass.mass for body in self.set.bodies)])
+        return self.set.kinetic_energy().sum() - masses @ self.set.position.numpy() @ self.gravity
+
+    def momenta(self) -> np.ndarray:
+        """Linear [kg m/s] and angular about the origin [kg m2/s], shape [6]."""
+        total = np.zeros(6)
+        for b, own in enumerate(self.set.bodies, 1):
+            R = rotation(self.set.orientation.numpy()[b])
+            p = own.mass.mass * self.velocity(b)
+            total[:3] += p
+            total[3:] += np.cross(self.position(b), p) + R @ own.mass.inertia @ R.T @ self.spin(b)
+        return total
+
+
+@pytest.fixture
+def touching(device) -> Callable[..., Touching]:
+    """A function that makes bodies that are `Touching` on the device of the test."""
+    return lambda bodies, *walls, **options: Touching(device, bodies, *walls, **options)

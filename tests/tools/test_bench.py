@@ -4,7 +4,6 @@ import json
 import math
 import sys
 import time
-from types import SimpleNamespace
 
 import bench
 import bench_bandwidth
@@ -206,12 +205,3 @@ def test_what_does_not_go_together_is_refused(capsys):
     capsys.readouterr()
     assert bench.parse(["--device", "cuda:0"]).threads == [1]
     assert bench.parse(["--case", "column_3d"]).particles == [100_000]
-
-
-def test_phases_of_a_scene_are_gone_through():
-    entered = []
-    simulation = SimpleNamespace(time=-1.0, phase_changes=lambda: [-0.5, 0.0])
-    simulation.advance = lambda until: setattr(simulation, "time", until)
-    simulation.enter_phase = lambda: entered.append(simulation.time)
-    bench.advance(simulation, 0.5)
-    assert entered == [-0.5, 0.0] and simulation.time == 0.5

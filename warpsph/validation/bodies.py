@@ -19,9 +19,7 @@ def measure_sinking_disc(run: Run) -> list[Result]:
     the body less its reaction) and to the body (contact).
     """
     simulation = Simulation(run.scene, str(run.simulation.launcher.device), run.simulation.launcher.threads)
-    for change in simulation.phase_changes():
-        simulation.advance(change)
-        simulation.enter_phase()
+    simulation.reach(0.0)
     state, bodies = simulation.state, simulation.bodies.set
     fluid_mass = simulation.model.parameters.mass.numpy().astype(float)
     body_mass = np.array([body.mass.mass for body in bodies.bodies])
