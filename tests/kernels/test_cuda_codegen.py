@@ -27,7 +27,7 @@ from warpsph.kernels.laminar import (
     velocity_gradient_kernel,
     yielding_kernel,
 )
-from warpsph.kernels.loads import reaction_kernel
+from warpsph.kernels.loads import body_points_kernel, reaction_kernel
 from warpsph.kernels.neighbours import gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
@@ -58,6 +58,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_kernel: [(True,), (False,)],
     pressure_gradient_kernel: [(name,) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
+    body_points_kernel: [(True,), (False,)],
     reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
     cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
