@@ -234,6 +234,45 @@ def add_filter_work(
 # -------------------------------------------------------------------------------------------------------- gradient
 
 
+@wp.struct
+class Moments:
+    """M = sum_j V_j (x_j - x_i) (x) grad_i W_ij without the constant of W; symmetric.
+
+    Six sums that stand by themselves: a loop over neighbours takes several at a time, which it does not with a matrix.
+    """
+
+    xx: float
+    yy: float
+    zz: float
+    xy: float
+    xz: float
+    yz: float
+
+
+@wp.func
+def with_pair(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
+    """M with one more neighbour: (x, y, z) = x_i - x_j and s = V_j s(q)."""
+    return Moments(
+        M.xx - s * x * x, M.yy - s * y * y, M.zz - s * z * z, M.xy - s * x * y, M.xz - s * x * z, M.yz - s * y * z
+    )
+
+
+@wp.func
+def with_pair_in_plane(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
+    """The same in a plane, where nothing has a y."""
+    return Moments(M.xx - s * x * x, M.yy, M.zz - s * z * z, M.xy, M.xz - s * x * z, M.yz)
+
+
+# By the dimensions of space.
+WITH_PAIR: Mapping[int, wp.Function] = {2: with_pair_in_plane, 3: with_pair}
+
+
+@wp.func
+def matrix_of(M: Moments, n: float) -> wp.mat33:
+    """n M."""
+    return n * wp.mat33(M.xx, M.xy, M.xz, M.xy, M.yy, M.yz, M.xz, M.yz, M.zz)
+
+
 @wp.func
 def renormalisation(M: wp.mat33) -> wp.mat33:
     """B = M^-1, M = sum_j V_j (x_j - x_i) (x) grad_i W_ij; the identity where the neighbours do not span space.

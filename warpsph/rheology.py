@@ -7,8 +7,9 @@ from itertools import product
 import numpy as np
 import warp as wp
 
-from warpsph.kernels.laminar import VISCOUS_COURANT, artificial_share
+from warpsph.kernels.laminar import VISCOUS_COURANT
 from warpsph.kernels.rheology import Rheology
+from warpsph.kernels.viscosity import artificial_share
 from warpsph.scene import MOST_STAGES, Laminar, Scene
 
 # Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.

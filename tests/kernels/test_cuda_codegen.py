@@ -18,21 +18,19 @@ from warpsph.kernels.corrections import (
 )
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
-from warpsph.kernels.laminar import (
-    LAMINAR,
-    MEAN,
-    laminar_acceleration_kernel,
-    stress_acceleration_kernel,
-    transposed_stress_kernel,
-    velocity_gradient_kernel,
-    yielding_kernel,
-)
+from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
 from warpsph.kernels.neighbours import gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.stress import (
+    stress_acceleration_kernel,
+    transposed_stress_kernel,
+    velocity_gradient_kernel,
+    yielding_kernel,
+)
 from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
 

@@ -1,4 +1,4 @@
-"""Laminar viscosity: each form against NumPy's sum over all pairs, what it conserves, how viscous it makes a flow."""
+"""Laminar viscosity and stress: NumPy's sums over all pairs, what is conserved, how viscous a flow comes out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,19 +8,10 @@ import pytest
 import warp as wp
 
 from warpsph.kernels.images import Images
-from warpsph.kernels.laminar import (
-    LAMINAR,
-    MEAN,
-    VISCOUS_COURANT,
-    artificial_share,
-    laminar_acceleration_kernel,
-    normalised_viscosity,
-    stress_acceleration_kernel,
-    transposed_stress_kernel,
-    velocity_gradient_kernel,
-)
+from warpsph.kernels.laminar import LAMINAR, MEAN, VISCOUS_COURANT, laminar_acceleration_kernel, normalised_viscosity
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.stress import stress_acceleration_kernel, transposed_stress_kernel, velocity_gradient_kernel
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
 TOLERANCE = 1e-5
@@ -375,25 +366,6 @@ def test_longest_step_is_stable_and_not_timid(make_cloud, lattice, form, jitter,
     dt = VISCOUS_COURANT[form] * 1000.0 * cloud.h**2
     found = fastest_decay(cloud, form) * dt
     assert 0.25 < found < 1.0
-
-
-@every_smoothing
-@pytest.mark.parametrize(("viscosity", "error"), [("signal", 0.005), ("monaghan", 0.03)])
-def test_artificial_viscosity_as_a_real_one(make_cloud, lattice, viscosity, error, smoothing):
-    """nu = share alpha c h, measured as any other; the lattice's own error is larger where g is steeper."""
-    x = lattice(25, 25)
-    cloud = make_cloud(x, u=x[:, 2:] ** 2 * [1.0, 0.0, 0.0], ratio=3.0, smoothing=smoothing)
-    _, found = cloud.acceleration(viscosity)
-    share = found[len(x) // 2, 0] / 2.0 / (cloud.alpha[0] * cloud.c[0] * cloud.h)
-    assert share == pytest.approx(artificial_share(viscosity, smoothing, 2), rel=error)
-
-
-@pytest.mark.parametrize(
-    ("viscosity", "smoothing", "share"),
-    [("signal", "wendland_c2", 1 / 8), ("signal", "cubic_spline", 15 / 112)],
-)
-def test_artificial_share_in_closed_form(viscosity, smoothing, share):
-    assert artificial_share(viscosity, smoothing, 2) == pytest.approx(share, rel=1e-6)
 
 
 # ------------------------------------------------------------------------------------------------------------ ghosts
