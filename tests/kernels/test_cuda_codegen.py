@@ -10,12 +10,7 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
-from warpsph.kernels.corrections import (
-    CORRECTION,
-    density_filter_kernel,
-    filtered_density_kernel,
-    renormalisation_kernel,
-)
+from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
@@ -61,9 +56,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
-    filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
-    density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),
-    renormalisation_kernel: [(name,) for name in SMOOTHING],
+    density_filter_kernel: [*product(SMOOTHING, ("shepard", "mls")), *product(SMOOTHING, CORRECTION, (False,))],
     velocity_gradient_kernel: [
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
