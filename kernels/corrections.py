@@ -187,7 +187,7 @@ def add_filter_work(
 class Moments:
     """M = sum_j V_j (x_j - x_i) (x) grad_i W_ij without the constant of W; symmetric.
 
-    Six sums that stand by themselves: a loop over neighbours takes several at a time, which it does not with a matrix.
+    The sums stand by themselves: a loop over neighbours takes several at a time, which it does not with a matrix.
     """
 
     xx: float
@@ -199,7 +199,7 @@ class Moments:
 
 
 @wp.func
-def with_pair(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
+def moments_with(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
     """M with one more neighbour: (x, y, z) = x_i - x_j and s = V_j s(q)."""
     return Moments(
         M.xx - s * x * x, M.yy - s * y * y, M.zz - s * z * z, M.xy - s * x * y, M.xz - s * x * z, M.yz - s * y * z
@@ -207,19 +207,67 @@ def with_pair(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
 
 
 @wp.func
-def with_pair_in_plane(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
+def moments_in_plane_with(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
     """The same in a plane, where nothing has a y."""
     return Moments(M.xx - s * x * x, M.yy, M.zz - s * z * z, M.xy, M.xz - s * x * z, M.yz)
 
 
-# By the dimensions of space.
-WITH_PAIR: Mapping[int, wp.Function] = {2: with_pair_in_plane, 3: with_pair}
+@wp.func
+def moments_matrix(M: Moments, n: float) -> wp.mat33:
+    """n M."""
+    return n * wp.mat33(M.xx, M.xy, M.xz, M.xy, M.yy, M.yz, M.xz, M.yz, M.zz)
+
+
+@wp.struct
+class Gradient:
+    """L = sum_j V_j (u_j - u_i) (x) grad_i W_ij, likewise: L B is d u_a / d x_b, exact for linear velocities."""
+
+    xx: float
+    xy: float
+    xz: float
+    yx: float
+    yy: float
+    yz: float
+    zx: float
+    zy: float
+    zz: float
 
 
 @wp.func
-def matrix_of(M: Moments, n: float) -> wp.mat33:
-    """n M."""
-    return n * wp.mat33(M.xx, M.xy, M.xz, M.xy, M.yy, M.yz, M.xz, M.yz, M.zz)
+def gradient_with(L: Gradient, s: float, u: float, v: float, w: float, x: float, y: float, z: float) -> Gradient:
+    """L with one more neighbour: (u, v, w) = u_i - u_j, (x, y, z) = x_i - x_j and s = V_j s(q)."""
+    return Gradient(
+        L.xx - s * u * x,
+        L.xy - s * u * y,
+        L.xz - s * u * z,
+        L.yx - s * v * x,
+        L.yy - s * v * y,
+        L.yz - s * v * z,
+        L.zx - s * w * x,
+        L.zy - s * w * y,
+        L.zz - s * w * z,
+    )
+
+
+@wp.func
+def gradient_in_plane_with(
+    L: Gradient, s: float, u: float, v: float, w: float, x: float, y: float, z: float
+) -> Gradient:
+    """The same in a plane."""
+    return Gradient(
+        L.xx - s * u * x, L.xy, L.xz - s * u * z, L.yx, L.yy, L.yz, L.zx - s * w * x, L.zy, L.zz - s * w * z
+    )
+
+
+@wp.func
+def gradient_matrix(L: Gradient, n: float) -> wp.mat33:
+    """n L."""
+    return n * wp.mat33(L.xx, L.xy, L.xz, L.yx, L.yy, L.yz, L.zx, L.zy, L.zz)
+
+
+# By the dimensions of space.
+MOMENTS_WITH: Mapping[int, wp.Function] = {2: moments_in_plane_with, 3: moments_with}
+GRADIENT_WITH: Mapping[int, wp.Function] = {2: gradient_in_plane_with, 3: gradient_with}
 
 
 @wp.func

@@ -9,7 +9,15 @@ from functools import cache
 
 import warp as wp
 
-from .corrections import WITH_PAIR, Moments, matrix_of, renormalisation
+from .corrections import (
+    GRADIENT_WITH,
+    MOMENTS_WITH,
+    Gradient,
+    Moments,
+    gradient_matrix,
+    moments_matrix,
+    renormalisation,
+)
 from .images import Images, velocity_beyond
 from .laminar import MEAN
 from .parameters import Parameters
@@ -28,9 +36,8 @@ def velocity_gradient_kernel(
 
     with B_i of Vasco (2014) eq 54: exact for linear velocities, at a surface and in disorder.
     """
-    slope, with_pair = SMOOTHING[smoothing].slope, WITH_PAIR[dimensions]
+    slope, moments_with, gradient_with = SMOOTHING[smoothing].slope, MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
-    spatial = dimensions == 3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def velocity_gradient(
@@ -53,10 +60,7 @@ def velocity_gradient_kernel(
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
 
-        L_xx, L_xy, L_xz = float(0.0), float(0.0), float(0.0)
-        L_yx, L_yy, L_yz = float(0.0), float(0.0), float(0.0)
-        L_zx, L_zy, L_zz = float(0.0), float(0.0), float(0.0)
-        M = Moments()
+        M, L = Moments(), Gradient()
         stride = parameters.column_stride if wp.static(by_column) else 1
         k = i * parameters.row_stride
         end = k + inner_count[i] * stride
@@ -66,21 +70,10 @@ def velocity_gradient_kernel(
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
-            M = with_pair(M, s, x, y, z)
-            sx, sy, sz = s * x, s * y, s * z
-            L_xx -= u * sx
-            L_xz -= u * sz
-            L_zx -= w * sx
-            L_zz -= w * sz
-            if wp.static(spatial):
-                L_xy -= u * sy
-                L_yx -= v * sx
-                L_yy -= v * sy
-                L_yz -= v * sz
-                L_zy -= w * sy
+            M = moments_with(M, s, x, y, z)
+            L = gradient_with(L, s, u, v, w, x, y, z)
             k += stride
 
-        L = wp.mat33(L_xx, L_xy, L_xz, L_yx, L_yy, L_yz, L_zx, L_zy, L_zz)
         if wp.static(with_images):
             x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
             end = i * parameters.row_stride + neighbour_count[i] * stride
@@ -92,13 +85,13 @@ def velocity_gradient_kernel(
                 u_g = velocity_beyond(
                     images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
                 )
-                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                x_ig, u_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2]), u_vec - u_g
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
-                M = with_pair(M, s, x_ig[0], x_ig[1], x_ig[2])
-                L -= s * wp.outer(u_vec - u_g, x_ig)
+                M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
+                L = gradient_with(L, s, u_ig[0], u_ig[1], u_ig[2], x_ig[0], x_ig[1], x_ig[2])
                 k += stride
         n = parameters.gradient_norm
-        velocity_gradient_out[i] = (n * L) * renormalisation(matrix_of(M, n))
+        velocity_gradient_out[i] = gradient_matrix(L, n) * renormalisation(moments_matrix(M, n))
         second_moment_out[i] = n * (M.xx + M.yy + M.zz) / float(parameters.dimensions)
 
     return velocity_gradient
@@ -115,10 +108,11 @@ def yielding_kernel(
     with mu_ij of MEAN. Across the edge of a plug the stress is smooth, and the rate of shear is not: a rate that is
     summed over neighbours on both sides melts the edge of the plug in, the stress of the same pairs does not.
     """
-    slope, between, with_pair = SMOOTHING[smoothing].slope, MEAN[mean], WITH_PAIR[dimensions]
+    slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
+    moments_with, gradient_with = MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def find_yielding(
         first: int,
         parameters: Parameters,
@@ -140,33 +134,40 @@ def yielding_kernel(
         """1 where the fluid flows, 0 where it is a plug: tau <= tau_y, Vasco (2014) eq 104."""
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
-        x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
-        G, M = wp.mat33(), Moments()
+        mu_i = viscosity[i]
+
+        M, G = Moments(), Gradient()
         stride = parameters.column_stride if wp.static(by_column) else 1
-        row = i * parameters.row_stride
-        for k in range(inner_count[i]):
-            j = neighbour_list[row + k * stride]
+        k = i * parameters.row_stride
+        end = k + inner_count[i] * stride
+        while k < end:
+            j = neighbour_list[k]
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
-            x_ij, u_ij = x_vec - wp.vec3(x_j, y_j, z_j), u_vec - wp.vec3(u_j, v_j, w_j)
-            s = V_j * slope(wp.length(x_ij) * parameters.inverse_h)
-            G -= s * between(viscosity[i], viscosity[j]) * wp.outer(u_ij, x_ij)
-            M = with_pair(M, s, x_ij[0], x_ij[1], x_ij[2])
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            M = moments_with(M, s, x, y, z)
+            G = gradient_with(G, s * between(mu_i, viscosity[j]), u_i - u_j, v_i - v_j, w_i - w_j, x, y, z)
+            k += stride
+
         if wp.static(with_images):
-            for k in range(inner_count[i], neighbour_count[i]):
-                j = neighbour_list[row + k * stride]
+            x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            end = i * parameters.row_stride + neighbour_count[i] * stride
+            while k < end:
+                j = neighbour_list[k]
                 g = j - particle_count
-                source = ghost_source[g]
-                xV_g = place[j]
+                xV_g, source = place[j], ghost_source[g]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, source)
                 u_g = velocity_beyond(
                     images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
                 )
-                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
-                s = xV_g[3] * slope(wp.length(x_ig) * parameters.inverse_h)
-                G -= s * between(viscosity[i], viscosity[source]) * wp.outer(u_vec - u_g, x_ig)
-                M = with_pair(M, s, x_ig[0], x_ig[1], x_ig[2])
+                x_ig, u_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2]), u_vec - u_g
+                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+                M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
+                s *= between(mu_i, viscosity[source])
+                G = gradient_with(G, s, u_ig[0], u_ig[1], u_ig[2], x_ig[0], x_ig[1], x_ig[2])
+                k += stride
         n = parameters.gradient_norm
-        tau = magnitude(deviator((n * G) * renormalisation(matrix_of(M, n)), parameters.dimensions))
+        tau = magnitude(deviator(gradient_matrix(G, n) * renormalisation(moments_matrix(M, n)), parameters.dimensions))
         tau_y = yield_stress[fluid[i]]
         yielded_out[i] = wp.where(tau_y > 0.0 and tau <= tau_y, 0, 1)
 
