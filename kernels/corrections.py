@@ -18,17 +18,17 @@ LEAST_BODY = wp.constant(0.3)
 
 
 @wp.func
-def spanning_inverse(M: wp.mat33) -> wp.mat33:
+def spanning_inverse(M: wp.mat33, least_moment: float, least_span: float) -> wp.mat33:
     """M^-1 of symmetric moments M, or 0 where the neighbours do not span space: too few, or all on one line.
 
     In a plane scene M has no y row. It is given the mean of the other two: nothing has a y to multiply it with.
     """
     flat = M[1, 1] == 0.0
     mean = wp.trace(M) / wp.where(flat, 2.0, 3.0)
-    if mean < LEAST_MOMENT:
+    if mean < least_moment:
         return wp.mat33()
     filled = M / mean + wp.diag(wp.vec3(0.0, wp.where(flat, 1.0, 0.0), 0.0))
-    if wp.determinant(filled) < LEAST_SPAN:
+    if wp.determinant(filled) < least_span:
         return wp.mat33()
     return wp.inverse(filled) / mean
 
@@ -54,70 +54,12 @@ def mls(moment: float, first_moment: wp.vec3, second_moment: wp.mat33) -> wp.vec
 
     The 4 x 4 system of eq 47 by its blocks. Where the neighbours do not span space this is Shepard's.
     """
-    slant = spanning_inverse(second_moment) * first_moment
+    slant = spanning_inverse(second_moment, LEAST_MOMENT, LEAST_SPAN) * first_moment
     zeta = 1.0 / (moment - wp.dot(first_moment, slant))
     return wp.vec4(zeta, -zeta * slant[0], -zeta * slant[1], -zeta * slant[2])
 
 
 CORRECTION: Mapping[str, wp.Function] = {"plain": plain, "shepard": shepard, "mls": mls}
-
-
-@cache
-def filtered_density_kernel(smoothing: str, correction: str) -> wp.Kernel:
-    """Density made anew from that of all around, the particle itself among them; within one fluid.
-
-        rho_i = sum_j rho_j V_j (zeta_0 + zeta . (x_j - x_i) / h) W_ij,    zeta from the moments by `correction`
-
-    Vasco (2014) 4.7.1, every n steps. Summed as differences rho_j - rho_i, so that a density that is right already is
-    not rounded. The density may be any other field: it is interpolated.
-    """
-    shape = SMOOTHING[smoothing].shape
-    coefficients = CORRECTION[correction]
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def filtered_density(
-        first: int,
-        parameters: Parameters,
-        position_volume: wp.array[wp.vec4],
-        fluid: wp.array[int],
-        neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
-        density: wp.array[wp.float64],
-        density_out: wp.array[wp.float64],
-        support_out: wp.array[float],
-    ):
-        """rho_i [kg/m3], and Shepard's sum of V_j W_ij: 1 inside, one half at a flat surface."""
-        i = first + wp.tid()
-        xV_i, fluid_i, rho_i = position_volume[i], fluid[i], density[i]
-        x_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2])
-
-        moment = xV_i[3] * shape(0.0)
-        first_moment = wp.vec3()
-        second_moment = wp.mat33()
-        excess = float(0.0)
-        first_excess = wp.vec3()
-        row = i * parameters.row_stride
-        for k in range(neighbour_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
-            xV_j = position_volume[j]
-            q_ji = (wp.vec3(xV_j[0], xV_j[1], xV_j[2]) - x_i) * parameters.inverse_h
-            w_ij = wp.where(fluid[j] == fluid_i, xV_j[3] * shape(wp.sqrt(wp.dot(q_ji, q_ji))), 0.0)
-            rho_ji = float(density[j] - rho_i)
-
-            moment += w_ij
-            first_moment += w_ij * q_ji
-            second_moment += w_ij * wp.outer(q_ji, q_ji)
-            excess += w_ij * rho_ji
-            first_excess += w_ij * rho_ji * q_ji
-        n = parameters.kernel_norm
-        zeta = coefficients(n * moment, n * first_moment, n * second_moment)
-        slant = wp.vec3(zeta[1], zeta[2], zeta[3])
-        whole = n * (zeta[0] * moment + wp.dot(slant, first_moment))  # sum of the corrected weights
-        difference = n * (zeta[0] * excess + wp.dot(slant, first_excess))
-        density_out[i] = rho_i * wp.float64(whole) + wp.float64(difference)
-        support_out[i] = n * moment
-
-    return filtered_density
 
 
 @wp.func
@@ -127,11 +69,15 @@ def is_due(step: int, every: int) -> bool:
 
 
 @cache
-def density_filter_kernel(smoothing: str, correction: str) -> wp.Kernel:
-    """The same as `filtered_density_kernel` of the densities m_j / V_j, every so many steps: Vasco (2014) 4.7.1.
+def density_filter_kernel(smoothing: str, correction: str, by_volume: bool = True) -> wp.Kernel:
+    """Density made anew from that of all around, the particle itself among them; within one fluid.
 
-    For `shepard` and `mls`, whose weights add up to 1. Of a neighbour it reads what every pair loop reads; in the steps
-    between it returns at once.
+        rho_i = sum_j rho_j V_j (zeta_0 + zeta . (x_j - x_i) / h) W_ij,    zeta from the moments by `correction`
+
+    Vasco (2014) 4.7.1, every n steps; in the steps between it returns at once. Summed as differences rho_j - rho_i, so
+    that a density that is right already is not rounded. `by_volume` takes them from m_j / V_j, which is what every pair
+    loop reads of a neighbour, for `shepard` and `mls`, whose weights add up to 1. Without it the density is read, and
+    may be any other field: it is interpolated, by `plain` sums too.
     """
     shape = SMOOTHING[smoothing].shape
     coefficients = CORRECTION[correction]
@@ -153,7 +99,7 @@ def density_filter_kernel(smoothing: str, correction: str) -> wp.Kernel:
         i = first + wp.tid()
         if not is_due(step[0], every):
             return
-        xV_i, fluid_i = position_volume[i], fluid[i]
+        xV_i, fluid_i, rho_i = position_volume[i], fluid[i], density[i]
         x_i, V_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2]), xV_i[3]
         m = parameters.mass[fluid_i]
 
@@ -168,7 +114,7 @@ def density_filter_kernel(smoothing: str, correction: str) -> wp.Kernel:
             xV_j = position_volume[j]
             q_ji = (wp.vec3(xV_j[0], xV_j[1], xV_j[2]) - x_i) * parameters.inverse_h
             w_ij = wp.where(fluid[j] == fluid_i, xV_j[3] * shape(wp.sqrt(wp.dot(q_ji, q_ji))), 0.0)
-            rho_ji = m * (V_i - xV_j[3]) / (V_i * xV_j[3])
+            rho_ji = m * (V_i - xV_j[3]) / (V_i * xV_j[3]) if wp.static(by_volume) else float(density[j] - rho_i)
 
             moment += w_ij
             first_moment += w_ij * q_ji
@@ -178,7 +124,10 @@ def density_filter_kernel(smoothing: str, correction: str) -> wp.Kernel:
         n = parameters.kernel_norm
         zeta = coefficients(n * moment, n * first_moment, n * second_moment)
         slant = wp.vec3(zeta[1], zeta[2], zeta[3])
-        filtered_out[i] = density[i] + wp.float64(n * (zeta[0] * excess + wp.dot(slant, first_excess)))
+        # The sum of the corrected weights, which is 1 but for rounding and for plain ones.
+        whole = 1.0 if wp.static(by_volume) else n * (zeta[0] * moment + wp.dot(slant, first_moment))
+        difference = n * (zeta[0] * excess + wp.dot(slant, first_excess))
+        filtered_out[i] = rho_i * wp.float64(whole) + wp.float64(difference)
 
     return density_filter
 
@@ -234,6 +183,101 @@ def add_filter_work(
 # -------------------------------------------------------------------------------------------------------- gradient
 
 
+@wp.struct
+class Moments:
+    """M = sum_j V_j (x_j - x_i) (x) grad_i W_ij without the constant of W; symmetric.
+
+    The sums stand by themselves: a loop over neighbours takes several at a time, which it does not with a matrix.
+    """
+
+    xx: float
+    yy: float
+    zz: float
+    xy: float
+    xz: float
+    yz: float
+
+
+@wp.func
+def moments_with(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
+    """M with one more neighbour: (x, y, z) = x_i - x_j and s = V_j s(q)."""
+    return Moments(
+        M.xx - s * x * x, M.yy - s * y * y, M.zz - s * z * z, M.xy - s * x * y, M.xz - s * x * z, M.yz - s * y * z
+    )
+
+
+@wp.func
+def moments_in_plane_with(M: Moments, s: float, x: float, y: float, z: float) -> Moments:
+    """The same in a plane, where nothing has a y."""
+    return Moments(M.xx - s * x * x, M.yy, M.zz - s * z * z, M.xy, M.xz - s * x * z, M.yz)
+
+
+@wp.func
+def moments_matrix(M: Moments, n: float) -> wp.mat33:
+    """n M."""
+    return n * wp.mat33(M.xx, M.xy, M.xz, M.xy, M.yy, M.yz, M.xz, M.yz, M.zz)
+
+
+@wp.struct
+class Gradient:
+    """L = sum_j V_j (u_j - u_i) (x) grad_i W_ij, likewise: L B is d u_a / d x_b, exact for linear velocities."""
+
+    xx: float
+    xy: float
+    xz: float
+    yx: float
+    yy: float
+    yz: float
+    zx: float
+    zy: float
+    zz: float
+
+
+@wp.func
+def gradient_with(L: Gradient, s: float, u: float, v: float, w: float, x: float, y: float, z: float) -> Gradient:
+    """L with one more neighbour: (u, v, w) = u_i - u_j, (x, y, z) = x_i - x_j and s = V_j s(q)."""
+    return Gradient(
+        L.xx - s * u * x,
+        L.xy - s * u * y,
+        L.xz - s * u * z,
+        L.yx - s * v * x,
+        L.yy - s * v * y,
+        L.yz - s * v * z,
+        L.zx - s * w * x,
+        L.zy - s * w * y,
+        L.zz - s * w * z,
+    )
+
+
+@wp.func
+def gradient_in_plane_with(
+    L: Gradient, s: float, u: float, v: float, w: float, x: float, y: float, z: float
+) -> Gradient:
+    """The same in a plane."""
+    return Gradient(
+        L.xx - s * u * x, L.xy, L.xz - s * u * z, L.yx, L.yy, L.yz, L.zx - s * w * x, L.zy, L.zz - s * w * z
+    )
+
+
+@wp.func
+def gradient_matrix(L: Gradient, n: float) -> wp.mat33:
+    """n L."""
+    return n * wp.mat33(L.xx, L.xy, L.xz, L.yx, L.yy, L.yz, L.zx, L.zy, L.zz)
+
+
+# By the dimensions of space.
+MOMENTS_WITH: Mapping[int, wp.Function] = {2: moments_in_plane_with, 3: moments_with}
+GRADIENT_WITH: Mapping[int, wp.Function] = {2: gradient_in_plane_with, 3: gradient_with}
+
+
+@wp.func
+def or_identity(B: wp.mat33) -> wp.mat33:
+    """B, or the identity in place of 0."""
+    if wp.trace(B) == 0.0:
+        return wp.identity(n=3, dtype=float)
+    return B
+
+
 @wp.func
 def renormalisation(M: wp.mat33) -> wp.mat33:
     """B = M^-1, M = sum_j V_j (x_j - x_i) (x) grad_i W_ij; the identity where the neighbours do not span space.
@@ -242,53 +286,10 @@ def renormalisation(M: wp.mat33) -> wp.mat33:
 
         grad f = B sum_j V_j (f_j - f_i) grad_i W_ij
     """
-    B = spanning_inverse(M)
-    if wp.trace(B) == 0.0:
-        return wp.identity(n=3, dtype=float)
-    return B
+    return or_identity(spanning_inverse(M, LEAST_MOMENT, LEAST_SPAN))
 
 
 @wp.func
 def renormalisation_of_a_body(M: wp.mat33) -> wp.mat33:
     """B, or the identity in spray, where dividing by the moments of a few neighbours would feed it energy."""
-    flat = M[1, 1] == 0.0
-    mean = wp.trace(M) / wp.where(flat, 2.0, 3.0)
-    filled = M / wp.max(mean, LEAST_BODY) + wp.diag(wp.vec3(0.0, wp.where(flat, 1.0, 0.0), 0.0))
-    if mean < LEAST_BODY or wp.determinant(filled) < LEAST_BODY:
-        return wp.identity(n=3, dtype=float)
-    return renormalisation(M)
-
-
-@cache
-def renormalisation_kernel(smoothing: str) -> wp.Kernel:
-    """The pair loop of B.
-
-    For continuity and the velocity gradient. In eq 38 B_i breaks the balance of momentum; (B_i + B_j) / 2 keeps it.
-    """
-    slope = SMOOTHING[smoothing].slope
-
-    @wp.kernel(module="unique", enable_backward=False)
-    def gradient_renormalisation(
-        first: int,
-        parameters: Parameters,
-        position_volume: wp.array[wp.vec4],
-        neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
-        renormalisation_out: wp.array[wp.mat33],
-    ):
-        """B_i, dimensionless: the identity inside."""
-        i = first + wp.tid()
-        xV_i = position_volume[i]
-        x_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2])
-
-        M = wp.mat33()
-        row = i * parameters.row_stride
-        for k in range(neighbour_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
-            xV_j = position_volume[j]
-            x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
-            q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h
-            M -= xV_j[3] * slope(q) * wp.outer(x_ij, x_ij)
-        renormalisation_out[i] = renormalisation(parameters.gradient_norm * M)
-
-    return gradient_renormalisation
+    return or_identity(spanning_inverse(M, LEAST_BODY, LEAST_BODY))

@@ -15,59 +15,51 @@ from .smoothing import SMOOTHING
 from .walls import WALL_FORCE, friction
 
 
-@wp.kernel(enable_backward=False)
-def count_body_points(
-    first: int,
-    body_count: int,
-    radius: float,
-    body_position: wp.array[wp.vec3d],
-    body_reach: wp.array[float],
-    body_first: wp.array[int],
-    position: wp.array[wp.vec3],
-    point_position: wp.array[wp.vec3],
-    count_out: wp.array[int],
-):
-    """How many points of bodies lie within `radius` [m] of each particle.
+@cache
+def body_points_kernel(listing: bool) -> wp.Kernel:
+    """A kernel that counts the points of bodies near each particle, or lists them once it is known where.
 
-    Body b has the points body_first[b] .. body_first[b + 1] - 1, at most body_reach[b] [m] from its centre.
+    Both take the same arguments: the one writes the counts, the other the list.
     """
-    i = first + wp.tid()
-    x_i = position[i]
-    count = int(0)
-    for b in range(body_count):
-        if wp.length(x_i - wp.vec3(body_position[b])) < body_reach[b] + radius:
-            for k in range(body_first[b], body_first[b + 1]):
-                x_ik = x_i - point_position[k]
-                if wp.dot(x_ik, x_ik) < radius * radius:
-                    count += 1
-    count_out[i] = count
+    counting = not listing
 
+    @wp.kernel(module="unique", enable_backward=False)
+    def body_points(
+        first: int,
+        body_count: int,
+        radius: float,
+        body_position: wp.array[wp.vec3d],
+        body_reach: wp.array[float],
+        body_first: wp.array[int],
+        position: wp.array[wp.vec3],
+        point_position: wp.array[wp.vec3],
+        point_first: wp.array[int],
+        count_out: wp.array[int],
+        list_out: wp.array[int],
+    ):
+        """The points of bodies within `radius` [m] of particle i, at list[first[i] : first[i + 1]].
 
-@wp.kernel(enable_backward=False)
-def list_body_points(
-    first: int,
-    body_count: int,
-    radius: float,
-    body_position: wp.array[wp.vec3d],
-    body_reach: wp.array[float],
-    body_first: wp.array[int],
-    position: wp.array[wp.vec3],
-    point_position: wp.array[wp.vec3],
-    point_first: wp.array[int],
-    list_out: wp.array[int],
-):
-    """The same points of particle i, at list[first[i] : first[i + 1]]."""
-    i = first + wp.tid()
-    x_i = position[i]
-    n = point_first[i]
-    if n < point_first[i + 1]:
+        Body b has the points body_first[b] .. body_first[b + 1] - 1, at most body_reach[b] [m] from its centre.
+        """
+        i = first + wp.tid()
+        x_i = position[i]
+        n = int(0)
+        if wp.static(listing):
+            n = point_first[i]
+            if n == point_first[i + 1]:
+                return
         for b in range(body_count):
             if wp.length(x_i - wp.vec3(body_position[b])) < body_reach[b] + radius:
                 for k in range(body_first[b], body_first[b + 1]):
                     x_ik = x_i - point_position[k]
                     if wp.dot(x_ik, x_ik) < radius * radius:
-                        list_out[n] = k
+                        if wp.static(listing):
+                            list_out[n] = k
                         n += 1
+        if wp.static(counting):
+            count_out[i] = n
+
+    return body_points
 
 
 @cache

@@ -33,11 +33,16 @@ class Rheology:
 
 
 @wp.func
+def isotropic(value: float, dimensions: int) -> wp.mat33:
+    """`value` times the identity, which in the plane has no y."""
+    return wp.diag(wp.vec3(value, wp.where(dimensions == 3, value, 0.0), value))
+
+
+@wp.func
 def deviator(gradient: wp.mat33, dimensions: int) -> wp.mat33:
-    """D' = L + L^T - (2 / d) (div u) I [1/s] of the velocity gradient L [1/s]; in the plane I has no y."""
-    dilation = 2.0 / float(dimensions) * wp.trace(gradient)
-    across = wp.where(dimensions == 3, dilation, 0.0)
-    return gradient + wp.transpose(gradient) - wp.diag(wp.vec3(dilation, across, dilation))
+    """D' = L + L^T - (2 / d) (div u) I [1/s] of the velocity gradient L [1/s]."""
+    dilation = isotropic(2.0 / float(dimensions) * wp.trace(gradient), dimensions)
+    return gradient + wp.transpose(gradient) - dilation
 
 
 @wp.func

@@ -15,7 +15,15 @@ from functools import cache
 
 import warp as wp
 
-from .corrections import renormalisation
+from .corrections import (
+    GRADIENT_WITH,
+    MOMENTS_WITH,
+    Gradient,
+    Moments,
+    gradient_matrix,
+    moments_matrix,
+    renormalisation,
+)
 from .parameters import Parameters
 from .rates import CPU_LAYOUT, Formulas, Layout, compiler_options
 from .smoothing import SMOOTHING
@@ -44,9 +52,8 @@ def least_eigenvalue(M: wp.mat33) -> float:
 @cache
 def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
     """The pair loop of the moments of neighbours, M = sum_j V_j (x_j - x_i) (x) grad_i W_ij; as in rates.py."""
-    slope = SMOOTHING[formulas.smoothing].slope
+    slope, moments_with = SMOOTHING[formulas.smoothing].slope, MOMENTS_WITH[formulas.dimensions]
     load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
-    in_space = formulas.dimensions == 3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def find_cover(
@@ -61,7 +68,7 @@ def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
         """The least eigenvalue of M: 1 where there are neighbours on all sides, less near a surface."""
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, _u_i, _v_i, _w_i, _p_i = load(position_volume, velocity_pressure, i)
-        M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
+        M = Moments()
         stride = parameters.column_stride if wp.static(by_column) else 1
         k = i * parameters.row_stride
         end = k + neighbour_count[i] * stride
@@ -70,16 +77,9 @@ def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
             x_j, y_j, z_j, V_j, _u_j, _v_j, _w_j, _p_j = load(position_volume, velocity_pressure, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
-            M_xx -= s * x * x
-            M_zz -= s * z * z
-            M_xz -= s * x * z
-            if wp.static(in_space):
-                M_yy -= s * y * y
-                M_xy -= s * x * y
-                M_yz -= s * y * z
+            M = moments_with(M, s, x, y, z)
             k += stride
-        M = wp.mat33(M_xx, M_xy, M_xz, M_xy, M_yy, M_yz, M_xz, M_yz, M_zz)
-        cover_out[i] = least_eigenvalue(parameters.gradient_norm * M)
+        cover_out[i] = least_eigenvalue(moments_matrix(M, parameters.gradient_norm))
 
     return find_cover
 
@@ -89,6 +89,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
     """The pair loop of the drift, on top of what XSPH wrote if that is in; components as in rates.py."""
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
     load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
+    moments_with, gradient_with = MOMENTS_WITH[formulas.dimensions], GRADIENT_WITH[formulas.dimensions]
     in_space, on_top = formulas.dimensions == 3, formulas.xsph
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
@@ -109,9 +110,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, velocity_pressure, i)
         cover_i = cover[i]
-        M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
-        L_xx, L_yy, L_zz, L_xy, L_xz, L_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
-        L_yx, L_zx, L_zy = float(0.0), float(0.0), float(0.0)
+        M, L = Moments(), Gradient()
         outward_x, outward_y, outward_z = float(0.0), float(0.0), float(0.0)
         crowd_x, crowd_y, crowd_z = float(0.0), float(0.0), float(0.0)
         surface = wp.where(cover_i < SURFACE, 1.0, 0.0)
@@ -131,32 +130,19 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
             repel = s * (1.0 + PAIRING * f * f * f * f)
             fall = s * (cover_i - cover_j)
             surface += wp.where(s < 0.0 and cover_j < SURFACE, 1.0, 0.0)
-            M_xx -= s * x * x
-            M_zz -= s * z * z
-            M_xz -= s * x * z
-            L_xx -= s * u * x
-            L_zz -= s * w * z
-            L_xz -= s * u * z
-            L_zx -= s * w * x
+            M = moments_with(M, s, x, y, z)
+            L = gradient_with(L, s, u, v, w, x, y, z)
             outward_x += fall * x
             outward_z += fall * z
             crowd_x += repel * x
             crowd_z += repel * z
             if wp.static(in_space):
-                M_yy -= s * y * y
-                M_xy -= s * x * y
-                M_yz -= s * y * z
-                L_yy -= s * v * y
-                L_xy -= s * u * y
-                L_yx -= s * v * x
-                L_yz -= s * v * z
-                L_zy -= s * w * y
                 outward_y += fall * y
                 crowd_y += repel * y
             k += stride
         n, h = parameters.gradient_norm, parameters.smoothing_length
-        B = renormalisation(n * wp.mat33(M_xx, M_xy, M_xz, M_xy, M_yy, M_yz, M_xz, M_yz, M_zz))
-        G = n * wp.mat33(L_xx, L_xy, L_xz, L_yx, L_yy, L_yz, L_zx, L_zy, L_zz) * B
+        B = renormalisation(moments_matrix(M, n))
+        G = gradient_matrix(L, n) * B
         D = G + wp.transpose(G)
         pace = h * wp.sqrt(0.5 * wp.ddot(D, D))
 

@@ -163,7 +163,7 @@ def _along_legs(
     b2, a2 = wp.dot(before_k, before_k), wp.dot(after_k, after_k)
     psi_b, psi_a = wp.dot(x_ik, before_k) / wp.max(b2, 1.0e-20), wp.dot(x_ik, after_k) / wp.max(a2, 1.0e-20)
     if psi_b <= 0.0 and psi_a <= 0.0:
-        # Between the normals of a corner that bulges, or straight above a point of a flat parameters.
+        # Between the normals of a corner that bulges, or straight above a point of a flat wall.
         r = wp.length(x_ik)
         n = x_ik / wp.max(r, 1.0e-12)
         if wp.dot(x_ik, towards) <= 0.0:

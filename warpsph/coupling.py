@@ -91,11 +91,14 @@ class Coupling:
 
     def _record(self) -> None:
         """Bind the launches that list to the arrays as they are now."""
-        record, count = self.model.launcher.record, self.model.particle_count
-        bodies = [self.set.count, self._radius, self.listed_position, self._body_reach, self._body_first]
-        points = [self.state.listed_position, self.listed_point]
-        self._count_points = record(loads.count_body_points, count, [*bodies, *points, self._count])
-        self._list_points = record(loads.list_body_points, count, [*bodies, *points, self.first, self.list])
+        arguments = [
+            *(self.set.count, self._radius, self.listed_position, self._body_reach, self._body_first),
+            *(self.state.listed_position, self.listed_point, self.first, self._count, self.list),
+        ]
+        self._count_points, self._list_points = (
+            self.model.launcher.record(loads.body_points_kernel(listing), self.model.particle_count, arguments)
+            for listing in (False, True)
+        )
 
     def rebuild(self) -> bool:
         """List the points of bodies where these and the particles are now; those have been sorted. As `relist`."""

@@ -7,8 +7,9 @@ from itertools import product
 import numpy as np
 import warp as wp
 
-from warpsph.kernels.laminar import VISCOUS_COURANT, artificial_share
+from warpsph.kernels.laminar import VISCOUS_COURANT
 from warpsph.kernels.rheology import Rheology
+from warpsph.kernels.viscosity import artificial_share
 from warpsph.scene import Scene
 from warpsph.scene_fluids import MOST_STAGES, Laminar
 

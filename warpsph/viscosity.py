@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import warp as wp
 
-from warpsph.kernels import laminar
+from warpsph.kernels import laminar, stress
 from warpsph.kernels.images import Images
 from warpsph.kernels.rheology import apparent_viscosity_kernel
 from warpsph.launch import Launch
@@ -88,7 +88,7 @@ class Viscosity:
         m, s = self.model, self.state
         if m.viscous.law is None:
             return []
-        kernel = laminar.yielding_kernel(
+        kernel = stress.yielding_kernel(
             m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
         )
         numbers = [self.material_viscosity, m.viscous.rheology.yield_stress, s.yielded]
@@ -137,16 +137,16 @@ class Viscosity:
         """L of a velocity; what comes before the last launch must be over when that begins."""
         m, s = self.model, self.state
         if m.viscous.form == "stress":
-            kernel = laminar.stress_acceleration_kernel(
+            kernel = stress.stress_acceleration_kernel(
                 m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
             )
-            transposed = laminar.transposed_stress_kernel(m.formulas.dimensions)
+            transposed = stress.transposed_stress_kernel(m.formulas.dimensions)
             gradient = [self.velocity_gradient, self.viscosity, m.parameters.dimensions]
-            stress = m.launcher.packed(self.stress)
+            packed = m.launcher.packed(self.stress)
             return [
                 self._gradient(velocity_viscosity),
                 self._record(transposed, *gradient, self.stress),
-                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), stress, rate),
+                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), packed, rate),
             ]
         kernel = laminar.laminar_acceleration_kernel(
             m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
@@ -155,7 +155,7 @@ class Viscosity:
 
     def _gradient(self, packed_velocity: wp.array) -> Launch:
         m = self.model
-        kernel = laminar.velocity_gradient_kernel(
+        kernel = stress.velocity_gradient_kernel(
             m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
         )
         return self._record(

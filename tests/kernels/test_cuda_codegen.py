@@ -10,29 +10,22 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
-from warpsph.kernels.corrections import (
-    CORRECTION,
-    density_filter_kernel,
-    filtered_density_kernel,
-    renormalisation_kernel,
-)
+from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
-from warpsph.kernels.laminar import (
-    LAMINAR,
-    MEAN,
-    laminar_acceleration_kernel,
-    stress_acceleration_kernel,
-    transposed_stress_kernel,
-    velocity_gradient_kernel,
-    yielding_kernel,
-)
-from warpsph.kernels.loads import reaction_kernel
+from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
+from warpsph.kernels.loads import body_points_kernel, reaction_kernel
 from warpsph.kernels.neighbours import copy_kernel, gather_kernel, list_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.stress import (
+    stress_acceleration_kernel,
+    transposed_stress_kernel,
+    velocity_gradient_kernel,
+    yielding_kernel,
+)
 from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
 
@@ -59,13 +52,12 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_kernel: [(True,), (False,)],
     pressure_gradient_kernel: [(name,) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
+    body_points_kernel: [(True,), (False,)],
     reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
     cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
-    filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
-    density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),
-    renormalisation_kernel: [(name,) for name in SMOOTHING],
+    density_filter_kernel: [*product(SMOOTHING, ("shepard", "mls")), *product(SMOOTHING, CORRECTION, (False,))],
     velocity_gradient_kernel: [
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),

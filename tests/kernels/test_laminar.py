@@ -1,4 +1,4 @@
-"""Laminar viscosity: each form against NumPy's sum over all pairs, what it conserves, how viscous it makes a flow."""
+"""Laminar viscosity and stress: NumPy's sums over all pairs, what is conserved, how viscous a flow comes out."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,19 +8,15 @@ import pytest
 import warp as wp
 
 from warpsph.kernels.images import Images
-from warpsph.kernels.laminar import (
-    LAMINAR,
-    MEAN,
-    VISCOUS_COURANT,
-    artificial_share,
-    laminar_acceleration_kernel,
-    normalised_viscosity,
+from warpsph.kernels.laminar import LAMINAR, MEAN, VISCOUS_COURANT, laminar_acceleration_kernel, normalised_viscosity
+from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.stress import (
     stress_acceleration_kernel,
     transposed_stress_kernel,
     velocity_gradient_kernel,
+    yielding_kernel,
 )
-from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
-from warpsph.kernels.smoothing import SMOOTHING
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
 TOLERANCE = 1e-5
@@ -109,6 +105,18 @@ def velocity_gradient(cloud, beyond: Beyond | None = None) -> np.ndarray:
     return L
 
 
+def yielded(
+    cloud, mu: np.ndarray, yield_stress: Sequence[float], mean: str, beyond: Beyond | None = None
+) -> np.ndarray:
+    """Whether each particle flows, where fluids have a `yield_stress` [Pa], shape [n]."""
+    dimensions, with_images = cloud.parameters.dimensions, beyond is not None
+    kernel = yielding_kernel(cloud.smoothing, mean, dimensions, layout(cloud), with_images)
+    beyond = beyond or Beyond(cloud)
+    inputs = [*read(cloud, beyond, cloud.p), cloud.fluids, *beyond.lists()]
+    inputs += [cloud.array(values, float) for values in (mu, yield_stress)]
+    return cloud.run(kernel, inputs, [int])[0] > 0
+
+
 def transposed(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> wp.array:
     """S_i [Pa] as (xx, xz, zx, zz), in space as three rows, on the device."""
     dimensions, rows = cloud.parameters.dimensions, len(mu) * (1 if cloud.parameters.dimensions == 2 else 3)
@@ -189,6 +197,25 @@ def test_stress_form_is_eq_100(mixture, smoothing):
     S = mu[:, None, None] * transposed_of(L)
     assert_same(transposed(cloud, mu).numpy().astype(float), S[:, ::2, ::2].reshape(-1, 4))
     assert_same(acceleration(cloud, "stress", mu), acceleration(cloud, "morris", mu) + divergence(cloud, S))
+
+
+@every_smoothing
+@pytest.mark.parametrize("mean", MEAN)
+def test_yielding_is_its_formula(mixture, smoothing, mean):
+    """sqrt(T : T / 2) > tau_y, T = D'(sum_j V_j mu_ij (u_j - u_i) (x) grad_i W_ij B_i): where half of a fluid flows."""
+    cloud = mixture(smoothing=smoothing)
+    mu = random_viscosity(cloud)
+    between = 0.5 * (mu[:, None] + mu) if mean == "arithmetic" else 2.0 * mu[:, None] * mu / (mu[:, None] + mu)
+    M = -np.einsum("j,ijk,ijl->ikl", cloud.V, cloud.x_ij, cloud.grad_W)
+    G = -np.einsum("j,ij,ijk,ijl->ikl", cloud.V, between, cloud.u_ij, cloud.grad_W)
+    G = G @ np.linalg.inv(M + np.diag([0.0, 1.0, 0.0]))
+    T = G + transposed_of(G)
+    tau = np.sqrt(0.5 * np.einsum("ikl,ikl->i", T, T))
+    tau_y = np.median(tau[cloud.fluid == 0])
+    told = np.abs(tau / tau_y - 1.0) > TOLERANCE  # by more than rounding
+    assert told.sum() > 280
+    found = yielded(cloud, mu, [tau_y, 0.0], mean)
+    np.testing.assert_array_equal(found[told], ((tau > tau_y) | (cloud.fluid == 1))[told])
 
 
 def transposed_of(L: np.ndarray) -> np.ndarray:
@@ -377,25 +404,6 @@ def test_longest_step_is_stable_and_not_timid(make_cloud, lattice, form, jitter,
     assert 0.25 < found < 1.0
 
 
-@every_smoothing
-@pytest.mark.parametrize(("viscosity", "error"), [("signal", 0.005), ("monaghan", 0.03)])
-def test_artificial_viscosity_as_a_real_one(make_cloud, lattice, viscosity, error, smoothing):
-    """nu = share alpha c h, measured as any other; the lattice's own error is larger where g is steeper."""
-    x = lattice(25, 25)
-    cloud = make_cloud(x, u=x[:, 2:] ** 2 * [1.0, 0.0, 0.0], ratio=3.0, smoothing=smoothing)
-    _, found = cloud.acceleration(viscosity)
-    share = found[len(x) // 2, 0] / 2.0 / (cloud.alpha[0] * cloud.c[0] * cloud.h)
-    assert share == pytest.approx(artificial_share(viscosity, smoothing, 2), rel=error)
-
-
-@pytest.mark.parametrize(
-    ("viscosity", "smoothing", "share"),
-    [("signal", "wendland_c2", 1 / 8), ("signal", "cubic_spline", 15 / 112)],
-)
-def test_artificial_share_in_closed_form(viscosity, smoothing, share):
-    assert artificial_share(viscosity, smoothing, 2) == pytest.approx(share, rel=1e-6)
-
-
 # ------------------------------------------------------------------------------------------------------------ ghosts
 
 
@@ -437,6 +445,18 @@ def test_a_ghost_acts_as_the_particle_that_it_shows(make_cloud, lattice, form, i
     else:
         expected = acceleration(full, form, all_mu)
     assert_same(acceleration(cloud, form, mu, beyond=beyond), expected[: len(x)])
+
+
+@pytest.mark.parametrize("images", [PERIODIC, *([wall] for wall in FLOOR.values())], ids=["periodic", *FLOOR])
+def test_a_ghost_yields_as_the_particle_that_it_shows(make_cloud, lattice, images):
+    x, random = shaken(lattice(9, 9), 0.2), np.random.default_rng(5)
+    u, mu = random.normal(size=x.shape) * [1, 0, 1], 10.0 ** random.uniform(0.0, 1.0, len(x))
+    cloud, full, all_mu = with_copies(make_cloud, x, u, mu, images)
+    for tau_y in (5.0, 10.0, 20.0):
+        found = yielded(cloud, mu, [tau_y, 0.0], "harmonic", Beyond(cloud, images, 2.5 * cloud.h))
+        expected = yielded(full, all_mu, [tau_y, 0.0], "harmonic")[: len(x)]
+        np.testing.assert_array_equal(found, expected)
+        assert 0 < found.sum() < len(x)
 
 
 @every_form

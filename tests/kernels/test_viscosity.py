@@ -5,6 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.kernels.viscosity import artificial_share
+
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest acceleration.
 TOLERANCE = 1e-5
 
@@ -87,3 +90,22 @@ def test_shear_viscosity(make_cloud, lattice, viscosity, share, tolerance):
     inside = (np.abs(cloud.x[:, 0]) < 1e-6) & (np.abs(cloud.x[:, 2]) < wavelength / 4)
     nu = -(viscous[inside, 0] @ u[inside, 0]) / (k**2 * u[inside, 0] @ u[inside, 0])
     assert nu == pytest.approx(share * cloud.alpha[0] * cloud.c[0] * h, rel=tolerance)
+
+
+@pytest.mark.parametrize("smoothing", SMOOTHING)
+@pytest.mark.parametrize(("viscosity", "error"), [("signal", 0.005), ("monaghan", 0.03)])
+def test_artificial_viscosity_as_a_real_one(make_cloud, lattice, viscosity, error, smoothing):
+    """nu = share alpha c h, measured as any other; the lattice's own error is larger where g is steeper."""
+    x = lattice(25, 25)
+    cloud = make_cloud(x, u=x[:, 2:] ** 2 * [1.0, 0.0, 0.0], ratio=3.0, smoothing=smoothing)
+    _, found = cloud.acceleration(viscosity)
+    share = found[len(x) // 2, 0] / 2.0 / (cloud.alpha[0] * cloud.c[0] * cloud.h)
+    assert share == pytest.approx(artificial_share(viscosity, smoothing, 2), rel=error)
+
+
+@pytest.mark.parametrize(
+    ("viscosity", "smoothing", "share"),
+    [("signal", "wendland_c2", 1 / 8), ("signal", "cubic_spline", 15 / 112)],
+)
+def test_artificial_share_in_closed_form(viscosity, smoothing, share):
+    assert artificial_share(viscosity, smoothing, 2) == pytest.approx(share, rel=1e-6)

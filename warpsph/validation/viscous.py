@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warpsph.kernels.corrections import filtered_density_kernel
+from warpsph.kernels.corrections import density_filter_kernel
 from warpsph.preview import LINE_PALETTE, new_plots
 from warpsph.records import read_record
 from warpsph.run import Run
@@ -461,11 +461,11 @@ def _interpolated(run: Run, correction: str, constant: float = 1.0) -> tuple[np.
     exact = place[:, 0] + place[:, 2]
     device, norm = model.launcher.device, model.parameters.kernel_norm
     f = wp.array(exact, dtype=wp.float64, device=device)
-    found, support = wp.zeros_like(f), wp.zeros(len(exact), dtype=float, device=device)
+    found, in_every_step = wp.zeros_like(f), [1, wp.zeros(1, dtype=int, device=device)]
     model.parameters.kernel_norm = norm * constant
-    arguments = [model.parameters, state.position_volume, state.fluid, lists.count, lists.list, f, found, support]
-    kernel = filtered_density_kernel(model.formulas.smoothing, correction)
-    model.launcher.run(kernel, model.particle_count, arguments)
+    inputs = [*in_every_step, state.position_volume, state.fluid, lists.count, lists.list, f]
+    kernel = density_filter_kernel(model.formulas.smoothing, correction, by_volume=False)
+    model.launcher.run(kernel, model.particle_count, [model.parameters, *inputs, found])
     model.parameters.kernel_norm = norm
     return found.numpy(), exact
 
