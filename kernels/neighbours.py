@@ -195,59 +195,49 @@ def mark_walls(
     near_wall_out[i] = wp.uint8(wp.min(found, 1))
 
 
-@wp.kernel(enable_backward=False)
-def count_wall_points(
-    first: int,
-    grid: CellGrid,
-    radius: float,
-    near_wall: wp.array[wp.uint8],
-    wall_start: wp.array[int],
-    cell: wp.array[int],
-    position: wp.array[wp.vec3],
-    wall_position: wp.array[wp.vec3],
-    count_out: wp.array[int],
-):
-    """How many wall points lie within `radius` [m] of each particle."""
-    i = first + wp.tid()
-    count = int(0)
-    if near_wall[cell[i]] > wp.uint8(0):
-        x_i = position[i]
-        low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
-        for kz in range(low[2], high[2] + 1):
-            for ky in range(low[1], high[1] + 1):
-                row = (kz * grid.count[1] + ky) * grid.count[0]
-                for k in range(wall_start[row + low[0]], wall_start[row + high[0] + 1]):
-                    x_ik = x_i - wall_position[k]
-                    if wp.dot(x_ik, x_ik) < radius * radius:
-                        count += 1
-    count_out[i] = count
+@cache
+def wall_points_kernel(listing: bool) -> wp.Kernel:
+    """A kernel that counts the wall points near each particle, or lists them once it is known where.
 
+    Both take the same arguments: the one writes the counts, the other the list.
+    """
+    counting = not listing
 
-@wp.kernel(enable_backward=False)
-def list_wall_points(
-    first: int,
-    grid: CellGrid,
-    radius: float,
-    wall_start: wp.array[int],
-    position: wp.array[wp.vec3],
-    wall_position: wp.array[wp.vec3],
-    wall_first: wp.array[int],
-    list_out: wp.array[int],
-):
-    """The wall points of particle i, at list[first[i] : first[i + 1]]."""
-    i = first + wp.tid()
-    n = wall_first[i]
-    if n < wall_first[i + 1]:
-        x_i = position[i]
-        low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
-        for kz in range(low[2], high[2] + 1):
-            for ky in range(low[1], high[1] + 1):
-                row = (kz * grid.count[1] + ky) * grid.count[0]
-                for k in range(wall_start[row + low[0]], wall_start[row + high[0] + 1]):
-                    x_ik = x_i - wall_position[k]
-                    if wp.dot(x_ik, x_ik) < radius * radius:
-                        list_out[n] = k
-                        n += 1
+    @wp.kernel(module="unique", enable_backward=False)
+    def wall_points(
+        first: int,
+        grid: CellGrid,
+        radius: float,
+        near_wall: wp.array[wp.uint8],
+        wall_start: wp.array[int],
+        cell: wp.array[int],
+        position: wp.array[wp.vec3],
+        wall_position: wp.array[wp.vec3],
+        wall_first: wp.array[int],
+        count_out: wp.array[int],
+        list_out: wp.array[int],
+    ):
+        """The wall points within `radius` [m] of particle i, at list[first[i] : first[i + 1]]."""
+        i = first + wp.tid()
+        n = int(0)
+        if wp.static(listing):
+            n = wall_first[i]
+        if near_wall[cell[i]] > wp.uint8(0):
+            x_i = position[i]
+            low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
+            for kz in range(low[2], high[2] + 1):
+                for ky in range(low[1], high[1] + 1):
+                    row = (kz * grid.count[1] + ky) * grid.count[0]
+                    for k in range(wall_start[row + low[0]], wall_start[row + high[0] + 1]):
+                        x_ik = x_i - wall_position[k]
+                        if wp.dot(x_ik, x_ik) < radius * radius:
+                            if wp.static(listing):
+                                list_out[n] = k
+                            n += 1
+        if wp.static(counting):
+            count_out[i] = n
+
+    return wall_points
 
 
 @wp.kernel(enable_backward=False)

@@ -51,12 +51,11 @@ class Neighbours:
             count,
             [grid, parameters, self.cells.start, cell, listed, self.count, self.list],
         )
-        places = [listed, model.wall_position]
-        near = [grid, model.wall_radius, model.near_wall, model.wall_start, cell, *places]
-        count_walls = record(kernels.count_wall_points, count, [*near, self.wall_first])
+        near = [grid, model.wall_radius, model.near_wall, model.wall_start, cell, listed, model.wall_position]
+        walls = [*near, self.wall_first, self.wall_first, self.wall_list]
+        count_walls = record(kernels.wall_points_kernel(listing=False), count, walls)
         self._look_around = model.launcher.chain(self._list, count_walls) if self.are_listed else count_walls
-        walls = [grid, model.wall_radius, model.wall_start, *places]
-        self._list_walls = record(kernels.list_wall_points, count, [*walls, self.wall_first, self.wall_list])
+        self._list_walls = record(kernels.wall_points_kernel(listing=True), count, walls)
 
     def _record_permutation(self) -> Callable[[], None]:
         """What brings every particle array into the order of the cells, through what the step packs anew."""

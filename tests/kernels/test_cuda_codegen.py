@@ -15,7 +15,7 @@ from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
-from warpsph.kernels.neighbours import copy_kernel, gather_kernel, list_kernel
+from warpsph.kernels.neighbours import copy_kernel, gather_kernel, list_kernel, wall_points_kernel
 from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
@@ -77,6 +77,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     ],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     copy_kernel: STATE_TYPES,
+    wall_points_kernel: [(False,), (True,)],
     gather_kernel: STATE_TYPES,
 }
 
