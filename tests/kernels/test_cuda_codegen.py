@@ -10,6 +10,7 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
+from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.corrections import (
     CORRECTION,
     density_filter_kernel,
@@ -65,6 +66,10 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     filtered_density_kernel: list(product(SMOOTHING, CORRECTION)),
     density_filter_kernel: list(product(SMOOTHING, ("shepard", "mls"))),
     renormalisation_kernel: [(name,) for name in SMOOTHING],
+    balance_kernel: [
+        *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
+        *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+    ],
     velocity_gradient_kernel: [
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
@@ -72,10 +77,12 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     laminar_acceleration_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, LAMINAR, MEAN)),
         *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(LAMINAR, MEAN, (2, 3))),
+        *(("wendland_c2", "morris", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
     ],
     stress_acceleration_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+        *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
     ],
     transposed_stress_kernel: [(2,), (3,)],
     yielding_kernel: [
