@@ -361,6 +361,11 @@ def test_an_anchor_is_its_value(load):
         ),
         (
             "title: A tank",
+            "title: A tank\nshifting: {model: fickian, velocity: local}",
+            "tank.yaml:2: shifting.velocity: local needs a fluid with a viscosity of its own",
+        ),
+        (
+            "title: A tank",
             "title: A tank\nlaminar: {form: cleary, weights: balanced}",
             "tank.yaml:2: laminar.weights: balanced goes with morris and stress, not with cleary",
         ),

@@ -484,6 +484,11 @@ class Shifting(Part):
         "concentration at the pace of the shear rate, and along a free surface only.",
     )
     strength: Positive = Field(6.0, description="Coefficient of the drift, A [-].")
+    velocity: Literal["own", "local"] = Field(
+        "own",
+        description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or that of the "
+        "place it drifts to, in materials with a viscosity of their own.",
+    )
 
 
 class Shape(Part):
@@ -866,6 +871,9 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     for name, is_there in needs.items():
         if scene.neighbours == "cells" and is_there:
             yield "neighbours", f"lists are needed for {name}"
+    flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
+    if scene.shifting.velocity == "local" and not any(material.laminar for material in flowing):
+        yield "shifting.velocity", "local needs a fluid with a viscosity of its own"
     yield from _misplaced(scene)
     if scene.images:
         if scene.bodies:

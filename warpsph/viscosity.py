@@ -8,6 +8,7 @@ from warpsph.kernels import laminar
 from warpsph.kernels.balance import balance_kernel, keep_balance
 from warpsph.kernels.images import Images
 from warpsph.kernels.rheology import apparent_viscosity_kernel
+from warpsph.kernels.shifting import change_with_place
 from warpsph.launch import Launch, floats
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
@@ -59,7 +60,10 @@ class Viscosity:
         return mine if self.model.viscous.law else [*mine, self.material_viscosity]
 
     def prepare(self) -> list[Launch]:
-        """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads."""
+        """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads.
+
+        With the velocity gradient that it takes go the velocities of particles that shifting moves.
+        """
         m, s, packed = self.model, self.state, self.velocity_viscosity[0]
         if m.viscous.stages == 1:
             start = self._record(laminar.with_viscosity, s.velocity_pressure, self.viscosity, packed)
@@ -70,7 +74,7 @@ class Viscosity:
         normalise = self._record(
             laminar.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
         )
-        return [*self.apparent(), normalise, start, *self._find_balance()]
+        return [*self.apparent(), *self._change_with_place(), normalise, start, *self._find_balance()]
 
     def apparent(self) -> list[Launch]:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
@@ -136,6 +140,13 @@ class Viscosity:
 
     def _named(self, name: str, launches: list[Launch]) -> dict[str, Launch]:
         return {name: self.model.launcher.chain(*launches)} if launches else {}
+
+    def _change_with_place(self) -> list[Launch]:
+        """The launch by which velocities become those of the places that particles drift to, if they are to."""
+        s, chosen = self.state, self.model.scene.shifting
+        if chosen.model == "none" or chosen.velocity == "own":
+            return []
+        return [self._record(change_with_place, self.velocity_gradient, s.xsph_velocity, s.dissipative_acceleration)]
 
     def _find_balance(self) -> list[Launch]:
         """The launch that takes lambda a sweep further, if weights are balanced."""

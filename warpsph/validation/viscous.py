@@ -100,7 +100,11 @@ def _jittered(quantity: str, ordered: float, jittered: float) -> Result:
 # ------------------------------------------------------------------------------------------------------ periodic shear
 
 
-SHEAR: tuple[tuple[str, ...], ...] = ((), (JITTER,), ("materials.water.dynamic_viscosity=0.0",))
+SHEAR: tuple[tuple[str, ...], ...] = (
+    (),
+    (JITTER,),
+    ("materials.water.dynamic_viscosity=0.0", "shifting.velocity=own"),
+)
 
 
 def measure_periodic_shear(runs: Sequence[Run], folder: Path) -> list[Result]:
