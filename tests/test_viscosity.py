@@ -270,7 +270,7 @@ def test_balance_is_sorted_with_its_particles(make_scene, device):
 
 @pytest.mark.parametrize("integrator", ["verlet", "runge_kutta"])
 def test_velocity_of_the_place_that_shifting_moves_to(make_scene, device, integrator):
-    """A shear wave of thin fluid, particles 0.1 dx off their lattice, is less disturbed when they take on velocities."""
+    """A shear wave of thin fluid, particles 0.1 dx off their lattice, stays smoother if they take on velocities."""
     scatter = {}
     for velocity in ("own", "local"):
         scene = make_scene(
