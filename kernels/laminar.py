@@ -14,6 +14,7 @@ from functools import cache
 
 import warp as wp
 
+from .balance import BALANCE, SURFACE_MOMENT, share_inside
 from .images import Images, velocity_beyond
 from .parameters import Parameters
 from .rates import CPU_LAYOUT, Layout, compiler_options
@@ -60,16 +61,23 @@ MEAN: Mapping[str, wp.Function] = {"arithmetic": arithmetic, "harmonic": harmoni
 
 @cache
 def laminar_acceleration_kernel(
-    smoothing: str, form: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str,
+    form: str,
+    mean: str,
+    dimensions: int = 3,
+    layout: Layout = CPU_LAYOUT,
+    with_images: bool = False,
+    balanced: bool = False,
 ) -> wp.Kernel:
     """The pair loop of viscosity.
 
         du_i/dt = 1 / rho_i sum_j V_j s_ij F(mu_ij, u_ij, x_ij),    grad_i W_ij = s_ij x_ij
 
-    with F of LAMINAR and mu_ij of MEAN. As (1/r) dW/dr = s_ij, eq 99 needs no 0.01 h^2 beside r^2.
+    with F of LAMINAR and mu_ij of MEAN. As (1/r) dW/dr = s_ij, eq 99 needs no 0.01 h^2 beside r^2. Where it is
+    `balanced` s_ij has the factor of balance.py.
     """
     slope = SMOOTHING[smoothing].slope
-    force, between = LAMINAR[form], MEAN[mean]
+    force, between, balance_of = LAMINAR[form], MEAN[mean], BALANCE[dimensions]
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
@@ -87,12 +95,16 @@ def laminar_acceleration_kernel(
         neighbour_list: wp.array[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
+        balance: wp.array[float],
         laminar_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by viscosity [m/s2]; `place` is `position_volume` as vectors."""
+        """a_i by viscosity [m/s2]; `place` is `position_volume` as vectors, `balance` is read where that is in."""
         i = first + wp.tid()
         x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
         dimensions = parameters.dimensions
+        b_x, b_y, b_z = float(0.0), float(0.0), float(0.0)
+        if wp.static(balanced):
+            b_x, b_y, b_z = balance_of(balance, i)
 
         viscous_x, viscous_y, viscous_z = float(0.0), float(0.0), float(0.0)
         stride = parameters.column_stride if wp.static(by_column) else 1
@@ -105,6 +117,9 @@ def laminar_acceleration_kernel(
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             r2 = x * x + y * y + z * z
             s = V_j * slope(wp.sqrt(r2) * parameters.inverse_h)
+            if wp.static(balanced):
+                b_jx, b_jy, b_jz = balance_of(balance, j)
+                s *= wp.max(0.0, 1.0 + (b_x - b_jx) * x + (b_y - b_jy) * y + (b_z - b_jz) * z)
             A, B = force(between(mu_i, mu_j), dimensions, u * x + v * y + w * z, r2)
             viscous_x += s * (A * u + B * x)
             viscous_y += s * (A * v + B * y)
@@ -127,6 +142,10 @@ def laminar_acceleration_kernel(
                 u_ig = u_vec - u_g
                 r2 = wp.dot(x_ig, x_ig)
                 s = xV_g[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
+                if wp.static(balanced):
+                    b_sx, b_sy, b_sz = balance_of(balance, ghost_source[g])
+                    b_g = images.rotation[ghost_image[g]] * wp.vec3(b_sx, b_sy, b_sz)
+                    s *= wp.max(0.0, 1.0 + wp.dot(wp.vec3(b_x, b_y, b_z) - b_g, x_ig))
                 A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
                 by_viscosity += s * (A * u_ig + B * x_ig)
                 k += stride
@@ -152,11 +171,6 @@ def newtonian_viscosity(first: int, rheology: Rheology, fluid: wp.array[int], vi
     viscosity_out[i] = rheology.consistency[fluid[i]]
 
 
-# Second moments less than the first of these are those of a surface, and more than the second of the inside.
-SURFACE_MOMENT = wp.constant(0.85)
-INNER_MOMENT = wp.constant(0.95)
-
-
 @wp.kernel(enable_backward=False)
 def normalised_viscosity(
     first: int, second_moment: wp.array[float], viscosity: wp.array[float], normalised_viscosity_out: wp.array[float]
@@ -170,8 +184,9 @@ def normalised_viscosity(
     """
     i = first + wp.tid()
     moment = second_moment[i]
-    inside = wp.clamp((moment - SURFACE_MOMENT) / (INNER_MOMENT - SURFACE_MOMENT), 0.0, 1.0)
-    normalised_viscosity_out[i] = viscosity[i] * (1.0 + inside * (1.0 / wp.max(moment, SURFACE_MOMENT) - 1.0))
+    normalised_viscosity_out[i] = viscosity[i] * (
+        1.0 + share_inside(moment) * (1.0 / wp.max(moment, SURFACE_MOMENT) - 1.0)
+    )
 
 
 @wp.kernel(enable_backward=False)

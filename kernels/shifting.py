@@ -1,4 +1,4 @@
-"""Shifting: particles drift to where there are fewer of them, so that they stay in order; velocities are left alone.
+"""Shifting: particles drift to where there are fewer of them, so that they stay in order.
 
 Fick's law for the concentration C = sum_j V_j W_ij, as Lind et al. (2012) have it, with the term by which Sun et al.
 (2017) keep pairs apart:
@@ -9,6 +9,12 @@ Others scale it with the speed, Sun et al. with the highest of all. Here g_i is 
 disorder, so what undoes it goes at that pace, in any frame of reference. Fluid at rest, in rigid motion or in the plug
 of a yield stress is not shifted. Near a surface, where C falls without any disorder, P_i = I - n n leaves out what
 would go through it; the surface and its normal are told by the least eigenvalue of the moments, Marrone et al. (2010).
+
+Velocities are left alone, which conserves momentum, or become those of the places that particles drift to,
+
+    du_i/dt = L_i du_i,    L_ab = d u_a / d x_b
+
+as in Xu, Stansby & Laurence (2009). A velocity that a particle takes along through a shear is an error of first order.
 """
 
 from functools import cache
@@ -157,3 +163,12 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
         xsph_velocity_inout[i] = drift
 
     return shifting
+
+
+@wp.kernel(enable_backward=False)
+def change_with_place(
+    first: int, velocity_gradient: wp.array[wp.mat33], drift: wp.array[wp.vec3], acceleration_inout: wp.array[wp.vec3]
+):
+    """The rate [m/s2] at which a velocity changes with the place that the particle drifts through."""
+    i = first + wp.tid()
+    acceleration_inout[i] = acceleration_inout[i] + velocity_gradient[i] * drift[i]

@@ -9,6 +9,7 @@ from functools import cache
 
 import warp as wp
 
+from .balance import BALANCE
 from .corrections import (
     GRADIENT_WITH,
     MOMENTS_WITH,
@@ -259,7 +260,12 @@ def stress_beyond(images: Images, k: int, S: wp.mat33, dimensions: int) -> wp.ma
 
 @cache
 def stress_acceleration_kernel(
-    smoothing: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str,
+    mean: str,
+    dimensions: int = 3,
+    layout: Layout = CPU_LAYOUT,
+    with_images: bool = False,
+    balanced: bool = False,
 ) -> wp.Kernel:
     """The pair loop of the divergence of the stress T = mu (grad u + grad u^T - (2 / d) (div u) I) = mu grad u + S.
 
@@ -268,9 +274,10 @@ def stress_acceleration_kernel(
     The first part is Vasco (2014) eq 100, without its pressure, which eq 38 holds, and with the material derivative
     that it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to
     particle: it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one
-    viscosity both are the same. Rigid rotation is left alone, and a free surface feels no stress.
+    viscosity both are the same. Rigid rotation is left alone, and a free surface feels no stress. Where it is
+    `balanced` s_ij has the factor of balance.py.
     """
-    slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
+    slope, between, balance_of = SMOOTHING[smoothing].slope, MEAN[mean], BALANCE[dimensions]
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
     tensor = TENSOR[layout.packed, dimensions]
     spatial = dimensions == 3
@@ -291,11 +298,15 @@ def stress_acceleration_kernel(
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         stress: wp.array[packed],
+        balance: wp.array[float],
         stress_acceleration_out: wp.array[wp.vec3],
     ):
-        """a_i by stress [m/s2]; `stress` is S of `transposed_stress_kernel`."""
+        """a_i by stress [m/s2]; `stress` is S of `transposed_stress_kernel`, `balance` is read where that is in."""
         i = first + wp.tid()
         x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
+        b_x, b_y, b_z = float(0.0), float(0.0), float(0.0)
+        if wp.static(balanced):
+            b_x, b_y, b_z = balance_of(balance, i)
         xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i = tensor(stress, i)
 
         stress_x, stress_y, stress_z = float(0.0), float(0.0), float(0.0)
@@ -308,6 +319,9 @@ def stress_acceleration_kernel(
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            if wp.static(balanced):
+                b_jx, b_jy, b_jz = balance_of(balance, j)
+                s *= wp.max(0.0, 1.0 + (b_x - b_jx) * x + (b_y - b_jy) * y + (b_z - b_jz) * z)
             mu = 2.0 * between(mu_i, mu_j)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, j)
             stress_x += s * ((xx_i + xx) * x + (xz_i + xz) * z + mu * u)
@@ -334,6 +348,10 @@ def stress_acceleration_kernel(
                 S_g = stress_beyond(images, image, S_s, parameters.dimensions)
                 x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+                if wp.static(balanced):
+                    b_sx, b_sy, b_sz = balance_of(balance, source)
+                    b_g = images.rotation[image] * wp.vec3(b_sx, b_sy, b_sz)
+                    s *= wp.max(0.0, 1.0 + wp.dot(wp.vec3(b_x, b_y, b_z) - b_g, x_ig))
                 by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * (u_vec - u_g))
                 k += stride
         inverse_rho_i = V_i / parameters.mass[fluid[i]]

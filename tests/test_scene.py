@@ -360,6 +360,16 @@ def test_an_anchor_is_its_value(load):
             "title: A tank\nlaminar: {stages: 2}",
             "tank.yaml:2: laminar.stages: two stages take no longer a step than one; 1, or 3 and more",
         ),
+        (
+            "title: A tank",
+            "title: A tank\nshifting: {model: fickian, velocity: local}",
+            "tank.yaml:2: shifting.velocity: local needs a fluid with a viscosity of its own",
+        ),
+        (
+            "title: A tank",
+            "title: A tank\nlaminar: {form: cleary, weights: balanced}",
+            "tank.yaml:2: laminar.weights: balanced goes with morris and stress, not with cleary",
+        ),
         # YAML
         ("[3.0, 2.0]]", "[3.0, 2.0]", "tank.yaml:8: not YAML: expected ',' or ']', but got '<scalar>'"),
         ("title: A tank", "title: !tag A tank", "tank.yaml:1: title: the tag !tag means nothing here"),

@@ -52,6 +52,7 @@ SCHEMES = {
     "renormalised": ["continuity=renormalised"],
     "shifting": ["shifting.model=fickian", "xsph=0.0"],
     "shifting on top of xsph, runge_kutta": ["shifting.model=fickian", "run.integrator=runge_kutta"],
+    "balanced weights": ["materials.water.dynamic_viscosity=5.0", "laminar.weights=balanced"],
 }
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]

@@ -61,7 +61,7 @@ class Neighbours:
         """What brings every particle array into the order of the cells, through what the step packs anew."""
         launcher, count = self.model.launcher, self.model.particle_count
         launches: list[Launch] = []
-        for name in State.PARTICLE:
+        for name in self.state.particle_names:
             values = getattr(self.state, name)
             permuted = alias(self.state.packed, values.dtype, count)
             gather, copy = kernels.gather_kernel(values.dtype), kernels.copy_kernel(values.dtype)

@@ -71,6 +71,7 @@ class Viscous:
     Attributes:
         form: A name of LAMINAR, or "stress".
         mean: A name of MEAN.
+        balanced: Whether the weights of pairs leave a linear flow alone in disorder too.
         law: A name of RHEOLOGY; None where every viscosity is a constant.
         regularisation: A name of REGULARISATION.
         rheology: Numbers for kernels, one entry for each fluid.
@@ -81,6 +82,7 @@ class Viscous:
 
     form: str
     mean: str
+    balanced: bool
     law: str | None
     regularisation: str
     rheology: Rheology
@@ -124,6 +126,7 @@ def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
     return Viscous(
         form=settings.form,
         mean=settings.mean,
+        balanced=settings.weights == "balanced",
         law=law,
         regularisation=kinds[0] if kinds else "bi_viscous",
         rheology=numbers,

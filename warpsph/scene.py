@@ -213,6 +213,9 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     for name, is_there in needs.items():
         if scene.neighbours == "cells" and is_there:
             yield "neighbours", f"lists are needed for {name}"
+    flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
+    if scene.shifting.velocity == "local" and not any(material.laminar for material in flowing):
+        yield "shifting.velocity", "local needs a fluid with a viscosity of its own"
     yield from _misplaced(scene)
     if scene.images:
         if scene.bodies:

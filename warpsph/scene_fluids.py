@@ -128,6 +128,11 @@ class Laminar(Part):
     mean: Literal["arithmetic", "harmonic"] = Field(
         "harmonic", description="Viscosity between the two particles of a pair [-]."
     )
+    weights: Literal["plain", "balanced"] = Field(
+        "plain",
+        description="Weights of pairs [-]: plain, or balanced, which leave a linear flow alone where particles are in "
+        "disorder too, for a sweep more; not with cleary.",
+    )
     stages: Annotated[int, Field(strict=True, ge=1, le=MOST_STAGES)] | None = Field(
         None,
         description="Sweeps of a step for viscosity [-]: 1 is explicit, more allow a longer step; as many as let sound "
@@ -138,6 +143,8 @@ class Laminar(Part):
     def _can_be_stepped(self) -> Laminar:
         if self.stages == 2:
             raise fault("two stages take no longer a step than one; 1, or 3 and more", "stages")
+        if self.weights == "balanced" and self.form == "cleary":
+            raise fault("balanced goes with morris and stress, not with cleary", "weights")
         return self
 
 
@@ -172,6 +179,11 @@ class Shifting(Part):
         "concentration at the pace of the shear rate, and along a free surface only.",
     )
     strength: Positive = Field(6.0, description="Coefficient of the drift, A [-].")
+    velocity: Literal["own", "local"] = Field(
+        "own",
+        description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or that of the "
+        "place it drifts to, in materials with a viscosity of their own.",
+    )
 
 
 class Fill(Part):

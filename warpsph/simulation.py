@@ -87,7 +87,7 @@ class Simulation:
 
     def kept(self) -> dict[str, wp.array]:
         """The arrays that a checkpoint keeps, by name."""
-        arrays = {name: getattr(self.state, name) for name in State.KEPT}
+        arrays = {name: getattr(self.state, name) for name in self.state.kept_names}
         return arrays | (self.bodies.kept() if self.bodies else {})
 
     def advance(self, time: float) -> None:

@@ -55,6 +55,10 @@ class State:
     Position and density are integrated in double precision; the pair loops read them rounded, packed as
     (x, y, z, V) and (u, v, w, p), so that a neighbour costs two loads. In a plane v, which is 0, makes room for x.
     Ghosts, if there are any, stand behind the particles.
+
+    Attributes:
+        particle_names: Arrays of PARTICLE, and those of this scene alone.
+        kept_names: The same of KEPT.
     """
 
     # A particle's own history: permuted when slots are sorted.
@@ -84,6 +88,10 @@ class State:
         self.density_rate = zeros(float)  # [kg/m3/s]
         self.last_diffusion_rate = zeros(float)  # by diffusion, in the last step [kg/m3/s]
         self.xsph_velocity = zeros(wp.vec3)  # [m/s]
+        is_balanced = model.viscous is not None and model.viscous.balanced
+        self.balance = zeros(wp.vec3, count if is_balanced else 1)  # lambda of balance.py, in the last step [1/m]
+        more = ("balance",) if is_balanced else ()
+        self.particle_names, self.kept_names = (*self.PARTICLE, *more), (*self.KEPT, *more)
 
         self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
 

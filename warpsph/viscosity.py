@@ -5,9 +5,11 @@ from collections.abc import Callable
 import warp as wp
 
 from warpsph.kernels import laminar, stress
+from warpsph.kernels.balance import balance_kernel, keep_balance
 from warpsph.kernels.images import Images
 from warpsph.kernels.rheology import apparent_viscosity_kernel
-from warpsph.launch import Launch
+from warpsph.kernels.shifting import change_with_place
+from warpsph.launch import Launch, floats
 from warpsph.model import Model
 from warpsph.neighbours import Neighbours
 from warpsph.rheology import legendre_stages
@@ -28,6 +30,7 @@ class Viscosity:
         viscosity: The same over the second moment of W around the particle [Pa s].
         rate: L [m/s2], of the first stage and of the last.
         mean_rate: Of the stages so far [m/s2], two in turn.
+        balance: lambda of balance.py, now [1/m]; `state.balance` is that of the step before.
     """
 
     def __init__(self, model: Model, state: State, neighbours: Neighbours) -> None:
@@ -46,17 +49,21 @@ class Viscosity:
         self.velocity_gradient = zeros(wp.mat33)
         rows = 1 if model.formulas.dimensions == 2 else 3
         self.stress = wp.zeros(rows * count if by_stress else 1, dtype=wp.vec4, device=device)
+        self.balance = zeros(wp.vec3, model.viscous.balanced)
         self._images = model.images or Images()
         self._no_ghosts = wp.zeros(1, dtype=int, device=device)
 
     def arrays(self) -> list[wp.array]:
         """What it has allocated."""
         mine = [*self.velocity_viscosity, *self.rate, *self.mean_rate, self.velocity_gradient, self.stress]
-        mine += [self.viscosity, self.second_moment]
+        mine += [self.viscosity, self.second_moment, self.balance]
         return mine if self.model.viscous.law else [*mine, self.material_viscosity]
 
     def prepare(self) -> list[Launch]:
-        """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads."""
+        """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads.
+
+        With the velocity gradient that it takes go the velocities of particles that shifting moves.
+        """
         m, s, packed = self.model, self.state, self.velocity_viscosity[0]
         if m.viscous.stages == 1:
             start = self._record(laminar.with_viscosity, s.velocity_pressure, self.viscosity, packed)
@@ -67,7 +74,7 @@ class Viscosity:
         normalise = self._record(
             laminar.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
         )
-        return [*self._apparent(), normalise, start]
+        return [*self._apparent(), *self._change_with_place(), normalise, start, *self._find_balance()]
 
     def _apparent(self) -> list[Launch]:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
@@ -105,8 +112,8 @@ class Viscosity:
         dissipative = self.state.dissipative_acceleration
         if count == 1:
             *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
-            add = self._record(laminar.add_acceleration, self.rate[0], dissipative)
-            return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, add)}
+            last = [self._record(laminar.add_acceleration, self.rate[0], dissipative), *self._keep_balance()]
+            return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, *last)}
         launches: dict[str, Launch | Callable[[], None]] = {}
         for j, stage in enumerate(legendre_stages(count), 1):
             read, written = self.velocity_viscosity[(j + 1) % 2], self.velocity_viscosity[j % 2]
@@ -120,7 +127,8 @@ class Viscosity:
                 *(s.fluid, s.position_volume, self.viscosity, rate, self.rate[0], self.mean_rate[(j + 1) % 2]),
                 *(mean, written),
             )
-            last = [self._record(laminar.add_acceleration, mean, dissipative)] if j == count else []
+            add = self._record(laminar.add_acceleration, mean, dissipative)
+            last = [add, *self._keep_balance()] if j == count else []
             name = f"viscosity, stage {j} of {count}"
             launches |= {**self._named(f"{name}, stress", before), name: chain(sweep, update, *last)}
         return launches
@@ -133,25 +141,43 @@ class Viscosity:
     def _named(self, name: str, launches: list[Launch]) -> dict[str, Launch]:
         return {name: self.model.launcher.chain(*launches)} if launches else {}
 
+    def _change_with_place(self) -> list[Launch]:
+        """The launch by which velocities become those of the places that particles drift to, if they are to."""
+        s, chosen = self.state, self.model.scene.shifting
+        if chosen.model == "none" or chosen.velocity == "own":
+            return []
+        return [self._record(change_with_place, self.velocity_gradient, s.xsph_velocity, s.dissipative_acceleration)]
+
+    def _find_balance(self) -> list[Launch]:
+        """The launch that takes lambda a sweep further, if weights are balanced."""
+        m, s = self.model, self.state
+        if not m.viscous.balanced:
+            return []
+        kernel = balance_kernel(m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None)
+        return [self._record(kernel, *self._read(s.velocity_pressure), *self._lists(), floats(s.balance), self.balance)]
+
+    def _keep_balance(self) -> list[Launch]:
+        """The launch that keeps lambda for the next step."""
+        if not self.model.viscous.balanced:
+            return []
+        return [self._record(keep_balance, self.balance, self.state.balance)]
+
     def _sweep(self, velocity_viscosity: wp.array, rate: wp.array) -> list[Launch]:
         """L of a velocity; what comes before the last launch must be over when that begins."""
-        m, s = self.model, self.state
+        m, s, balance = self.model, self.state, floats(self.balance)
+        flow = (m.formulas.dimensions, m.layout, m.images is not None, m.viscous.balanced)
         if m.viscous.form == "stress":
-            kernel = stress.stress_acceleration_kernel(
-                m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
-            )
+            kernel = stress.stress_acceleration_kernel(m.formulas.smoothing, m.viscous.mean, *flow)
             transposed = stress.transposed_stress_kernel(m.formulas.dimensions)
             gradient = [self.velocity_gradient, self.viscosity, m.parameters.dimensions]
             packed = m.launcher.packed(self.stress)
             return [
                 self._gradient(velocity_viscosity),
                 self._record(transposed, *gradient, self.stress),
-                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), packed, rate),
+                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), packed, balance, rate),
             ]
-        kernel = laminar.laminar_acceleration_kernel(
-            m.formulas.smoothing, m.viscous.form, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
-        )
-        return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), rate)]
+        kernel = laminar.laminar_acceleration_kernel(m.formulas.smoothing, m.viscous.form, m.viscous.mean, *flow)
+        return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), balance, rate)]
 
     def _gradient(self, packed_velocity: wp.array) -> Launch:
         m = self.model

@@ -10,6 +10,7 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
+from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
@@ -58,6 +59,10 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
     density_filter_kernel: [*product(SMOOTHING, ("shepard", "mls")), *product(SMOOTHING, CORRECTION, (False,))],
+    balance_kernel: [
+        *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
+        *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+    ],
     velocity_gradient_kernel: [
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
@@ -65,10 +70,12 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     laminar_acceleration_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, LAMINAR, MEAN)),
         *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(LAMINAR, MEAN, (2, 3))),
+        *(("wendland_c2", "morris", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
     ],
     stress_acceleration_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+        *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
     ],
     transposed_stress_kernel: [(2,), (3,)],
     yielding_kernel: [

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.images import Images
 from warpsph.kernels.laminar import LAMINAR, MEAN, VISCOUS_COURANT, laminar_acceleration_kernel, normalised_viscosity
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
@@ -127,22 +128,29 @@ def transposed(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> wp.array:
 
 
 def acceleration(
-    cloud, form: str, mu: np.ndarray | float, mean: str = "arithmetic", beyond: Beyond | None = None
+    cloud,
+    form: str,
+    mu: np.ndarray | float,
+    mean: str = "arithmetic",
+    beyond: Beyond | None = None,
+    balance: np.ndarray | None = None,
 ) -> np.ndarray:
-    """By the viscosity `mu` [Pa s] in one of the two pair forms, or by the divergence of its stress; shape [n, 3]."""
+    """By the viscosity `mu` [Pa s] in one of the two pair forms, or by the divergence of its stress; shape [n, 3].
+
+    `balance` is lambda of balance.py [1/m], shape [n, 3]; weights are plain when it is absent.
+    """
     mu, with_images = np.broadcast_to(mu, len(cloud.x)), beyond is not None
+    flow = (cloud.parameters.dimensions, layout(cloud), with_images, balance is not None)
+    weights = cloud.array(np.zeros(1) if balance is None else np.ravel(balance), float)
     if form == "stress":
         S = transposed(cloud, mu, beyond)
-        kernel = stress_acceleration_kernel(
-            cloud.smoothing, mean, cloud.parameters.dimensions, layout(cloud), with_images
-        )
+        kernel = stress_acceleration_kernel(cloud.smoothing, mean, *flow)
         beyond = beyond or Beyond(cloud)
-        inputs = [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), cloud.launcher.packed(S)]
+        inputs = [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), cloud.launcher.packed(S), weights]
         return cloud.run(kernel, inputs, [wp.vec3])[0]
-    dimensions = cloud.parameters.dimensions
-    kernel = laminar_acceleration_kernel(cloud.smoothing, form, mean, dimensions, layout(cloud), with_images)
+    kernel = laminar_acceleration_kernel(cloud.smoothing, form, mean, *flow)
     beyond = beyond or Beyond(cloud)
-    return cloud.run(kernel, [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists()], [wp.vec3])[0]
+    return cloud.run(kernel, [*read(cloud, beyond, mu), cloud.fluids, *beyond.lists(), weights], [wp.vec3])[0]
 
 
 def random_viscosity(cloud) -> np.ndarray:
@@ -305,6 +313,50 @@ def test_rotation_is_left_alone(make_cloud, lattice):
     assert np.abs(acceleration(spin, "morris", 1.0)).max() > 0.1 * largest
 
 
+# ----------------------------------------------------------------------------------------------- balanced weights
+
+balanced_forms = pytest.mark.parametrize("form", ["morris", "stress"])
+
+
+def random_balance(cloud) -> np.ndarray:
+    """lambda [1/m], so great that factors of pairs are clipped."""
+    axes = [1, 0, 1] if cloud.parameters.dimensions == 2 else [1, 1, 1]
+    return 3.0 * np.random.default_rng(8).normal(size=cloud.x.shape) * axes
+
+
+def factors(cloud, balance: np.ndarray) -> np.ndarray:
+    """1 + (lambda_i - lambda_j) . x_ij of each pair, at least 0, shape [n, n]."""
+    return np.maximum(0.0, 1.0 + np.einsum("ijk,ijk->ij", balance[:, None] - balance, cloud.x_ij))
+
+
+@balanced_forms
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_balance_is_a_factor_of_each_pair(make_cloud, form, dimensions):
+    """That of balance.py; linear flows of one viscosity feel the same in both forms."""
+    random = np.random.default_rng(4)
+    axes = [1, 0, 1] if dimensions == 2 else [1, 1, 1]
+    x = random.uniform(0.0, 0.5, (150, 3)) * axes
+    cloud = make_cloud(x, u=x @ random.normal(size=(3, 3)) * axes, dimensions=dimensions)
+    balance = random_balance(cloud)
+    f = factors(cloud, balance)
+    assert (f == 0.0).any()
+    slope = np.einsum("ijk,ijk->ij", cloud.x_ij, cloud.grad_W) / cloud.r**2
+    expected = np.einsum("ij,ijk->ik", 2.0 * f * cloud.V * slope, cloud.u_ij) / cloud.rho[:, None]
+    if form == "stress":
+        L = velocity_gradient(cloud)
+        S = np.swapaxes(L, 1, 2) - 2.0 / dimensions * np.trace(L, axis1=1, axis2=2)[:, None, None] * np.diag(axes)
+        expected += np.einsum("ij,ijkl,ijl->ik", f * cloud.V, S[:, None] + S, cloud.grad_W) / cloud.rho[:, None]
+    assert_same(acceleration(cloud, form, 1.0, balance=balance), expected)
+
+
+@balanced_forms
+def test_balance_conserves_momentum_and_takes_energy(mixture, form):
+    cloud = mixture(dimensions=2)
+    force = cloud.m[:, None] * acceleration(cloud, form, random_viscosity(cloud), balance=random_balance(cloud))
+    assert np.all(np.abs(force.sum(axis=0)) < TOLERANCE * np.abs(force).sum())
+    assert np.einsum("ik,ik->", force, cloud.u) < 0.0
+
+
 # -------------------------------------------------------------------------------------------------------- gradients
 
 
@@ -457,6 +509,44 @@ def test_a_ghost_yields_as_the_particle_that_it_shows(make_cloud, lattice, image
         expected = yielded(full, all_mu, [tau_y, 0.0], "harmonic")[: len(x)]
         np.testing.assert_array_equal(found, expected)
         assert 0 < found.sum() < len(x)
+
+
+def balance_of(cloud, balance: np.ndarray, beyond: Beyond | None = None) -> np.ndarray:
+    """lambda [1/m] a sweep later, shape [n, 3]."""
+    kernel = balance_kernel(cloud.smoothing, 2, layout(cloud), beyond is not None)
+    beyond = beyond or Beyond(cloud)
+    inputs = [*read(cloud, beyond, cloud.p), *beyond.lists(), cloud.array(balance.ravel(), float)]
+    return cloud.run(kernel, inputs, [wp.vec3])[0]
+
+
+@pytest.mark.parametrize("images", [PERIODIC, [FLOOR["no_slip_opposite"]]], ids=["periodic", "floor"])
+def test_a_ghost_has_the_balance_of_its_particle(make_cloud, lattice, images):
+    """Turned as the image is: in the sweep that finds it and in the force, against real particles in their places."""
+    x = shaken(lattice(9, 9), 0.2)
+    u = np.random.default_rng(5).normal(size=x.shape) * [1, 0, 1]
+    cloud, full, _ = with_copies(make_cloud, x, u, np.ones(len(x)), images)
+    balance, beyond = random_balance(cloud), Beyond(cloud, images, 2.5 * cloud.h)
+    everywhere = np.concatenate([balance, *(balance @ image["R"].T for image in images)])
+    assert_same(
+        acceleration(cloud, "morris", 1.0, beyond=beyond, balance=balance),
+        acceleration(full, "morris", 1.0, balance=everywhere)[: len(x)],
+    )
+    assert_same(balance_of(cloud, balance, beyond), balance_of(full, everywhere)[: len(x)])
+
+
+@balanced_forms
+def test_balanced_weights_leave_a_linear_flow_alone_in_disorder(make_cloud, lattice, form):
+    """To a hundredth of what plain weights make of it, in a box that repeats itself, after twenty sweeps."""
+    x = shaken(lattice(9, 9), 0.1)
+    cloud = make_cloud(x)
+    balance, beyond = np.zeros_like(x), Beyond(cloud, PERIODIC, 2.5 * cloud.h)
+    for _ in range(20):
+        balance = balance_of(cloud, balance, beyond)
+    copies = np.concatenate([x, *(x + image["t"] for image in PERIODIC)])
+    full = make_cloud(copies, u=copies @ np.array([[0.5, 0.0, -1.0], [0.0, 0.0, 0.0], [2.0, 0.0, -0.5]]))
+    plain = acceleration(full, form, 1.0)[: len(x)]
+    found = acceleration(full, form, 1.0, balance=np.tile(balance, (1 + len(PERIODIC), 1)))[: len(x)]
+    assert np.abs(found).max() < 0.01 * np.abs(plain).max()
 
 
 @every_form

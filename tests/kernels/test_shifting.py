@@ -7,7 +7,15 @@ import pytest
 import warp as wp
 
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, Layout
-from warpsph.kernels.shifting import MOST_DRIFT, PAIRING, SPRAY, SURFACE, cover_kernel, shifting_kernel
+from warpsph.kernels.shifting import (
+    MOST_DRIFT,
+    PAIRING,
+    SPRAY,
+    SURFACE,
+    change_with_place,
+    cover_kernel,
+    shifting_kernel,
+)
 from warpsph.kernels.smoothing import SMOOTHING
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
@@ -144,6 +152,16 @@ def test_an_image_has_no_cover_of_its_own(make_cloud, lattice):
     cloud = make_cloud(x, u=x @ SHEAR.T)
     inside = np.abs(x).max(axis=1) < 0.3
     np.testing.assert_array_equal(drift(cloud, count=0)[inside], drift(cloud)[inside])
+
+
+def test_velocity_changes_with_the_place(make_cloud):
+    """L du, on top of the acceleration that is there."""
+    random = np.random.default_rng(6)
+    L, du, a = random.normal(size=(5, 3, 3)), random.normal(size=(5, 3)), random.normal(size=(5, 3))
+    cloud = make_cloud(random.normal(size=(5, 3)))
+    found = cloud.array(a, wp.vec3)
+    cloud.launcher.run(change_with_place, 5, [cloud.array(L, wp.mat33), cloud.array(du, wp.vec3), found])
+    np.testing.assert_allclose(found.numpy(), a + np.einsum("nab,nb->na", L, du), rtol=0, atol=TOLERANCE)
 
 
 def test_a_jittered_block_becomes_even(make_cloud, lattice):
