@@ -304,12 +304,12 @@ def logvinovich_force(t: ArrayLike, *, speed: float, deadrise: float, density: f
 
 @dataclass(frozen=True)
 class Heave:
-    """How a floating box heaves that is let go at rest off the place where it floats, by linear theory.
+    """How a floating box heaves that is let go at rest deeper than it floats, by linear theory.
 
     Attributes:
         added_mass: At high frequency [kg], in 2-D [kg/m].
-        first: When it first passes the place where it comes to rest [s].
-        period: Twice the time from there to when it passes it again [s].
+        first: When it is highest for the first time [s].
+        period: From then until it is highest again [s].
     """
 
     added_mass: float
@@ -402,7 +402,7 @@ class _Cubes:
         return cls(cells, dimensions, 2.0 * (np.eye(len(beside)) - Q), -2.0 * q, float(bottom.sum()))
 
     def heave(self, beam: float, draft: float, density: float, gravity: float) -> tuple[float, float, float]:
-        """Added mass, first passage and period, as of `Heave`.
+        """Added mass, first time and period, as of `Heave`.
 
         The surface rises at `flow` phi + `lift` w, phi changes by -g times its rise, and the box is pushed by its own
         weight of water and by -density d/dt of phi summed over its bottom: leapfrog steps in the modes of `flow`.
@@ -414,25 +414,32 @@ class _Cubes:
         added = column * edge * self.added
         mass, spring = density * area * draft + added, density * gravity * area
         span = 2.0 * math.pi * math.sqrt(mass / spring)
-        surface = len(lift) * column / density / area + 1.0  # of the whole tank, over that of the box
         dt = 1e-3 * span
-        rest = 1.0 / surface  # where it floats once the level has fallen
-        rise, phi, z, w, times, heights = np.zeros_like(lift), np.zeros_like(lift), 1.0, 0.0, [0.0], [1.0 - rest]
-        for n in range(1000):
+        rise, phi, z, w, heights = np.zeros_like(lift), np.zeros_like(lift), -1.0, 0.0, []
+        for n in range(2000):
             phi -= (0.5 if n == 0 else 1.0) * dt * gravity * rise
             w -= (0.5 if n == 0 else 1.0) * dt * (spring * z + column * gravity * (lift @ rise)) / mass
             rise += dt * (values / edge * phi + lift * w)
             z += dt * w
-            times.append((n + 1) * dt)
-            heights.append(z - rest)
-        passes = crossings(np.array(times), np.array(heights))
-        return added, passes[0], 2.0 * (passes[1] - passes[0])
+            heights.append(z)
+        first, again = highest(dt * np.arange(1, 2001), np.array(heights), span)[:2]
+        return added, first, again - first
 
 
-def crossings(time: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Times at which `height`, of the same shape [n], passes zero."""
-    k = np.flatnonzero(np.diff(np.sign(height)))
-    return time[k] - height[k] * (time[k + 1] - time[k]) / (height[k + 1] - height[k])
+def highest(time: np.ndarray, height: np.ndarray, period: float) -> np.ndarray:
+    """Times at which a heave of about `period` [s] is highest, from evenly sampled records of shape [n].
+
+    Where no place within a third of a period is as high; between samples by a parabola through a sixth of a period.
+    """
+    around = round(period / 3.0 / (time[1] - time[0]))
+    near = np.lib.stride_tricks.sliding_window_view(height, 2 * around + 1)
+    tops = np.flatnonzero(near.argmax(axis=1) == around) + around
+    found = []
+    for k in tops:
+        part = slice(k - around // 4, k + around // 4 + 1)
+        curve, slope, _ = np.polyfit(time[part] - time[k], height[part], 2)
+        found.append(time[k] - 0.5 * slope / curve)
+    return np.array(found)
 
 
 def floating_draft(*, mass: float, waterplane: float, density: float) -> float:
