@@ -218,7 +218,7 @@ def _check(options: argparse.Namespace) -> int:
     if facts.viscous_stages:
         print(f"  viscous sweeps  {facts.viscous_stages} a step")
     print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
-    by = f"{launcher.threads} thread(s), by the first steps"
+    by = f"{launcher.threads} thread(s), by the first steps and a coarse rehearsal"
     print(f"  time            about {_duration(seconds)} on {by}; output not counted")
     for warning in facts.warnings:
         print(f"  warning: {warning}")

@@ -28,12 +28,16 @@ class Impact:
         speed: Of the centre [m/s].
         froude: F = speed / sqrt(g depth).
         energy: Kinetic energy of the body [J/m].
+        arrival: The same as its lowest point first meets still water, or at the start if that is in water then [J/m].
+        fall: Energy that gravity gives the body from the impact to the end of the record [J/m].
     """
 
     time: float
     speed: float
     froude: float
     energy: float
+    arrival: float
+    fall: float
 
 
 @dataclass(frozen=True)
@@ -54,25 +58,53 @@ class Wave:
 
 
 def find_impact(
-    record: Mapping[str, np.ndarray], *, level: float, depth: float, gravity: float, mass: float, inertia: float
+    record: Mapping[str, np.ndarray],
+    corners: np.ndarray,
+    *,
+    level: float,
+    depth: float,
+    gravity: float,
+    mass: float,
+    inertia: float,
 ) -> Impact | None:
     """The impact in the `record` of a body on water at `level` [m]; None if its centre never sinks into it from above.
 
-    `depth` [m] is that of the water, `mass` [kg/m] and `inertia` [kg m] those of the body.
+    `corners` [m], shape [n, 2], are those of its outline about its centre where its angle is 0, `depth` [m] is that of
+    the water, `mass` [kg/m] and `inertia` [kg m] those of the body.
     """
-    t, z = record["time [s]"], record["z [m]"]
+    z, angle = record["z [m]"], np.radians(record["angle [deg]"])[:, None]
+    when = _sinks(z, level)
+    if when is None:
+        return None
+    lowest = z + (np.sin(angle) * corners[:, 0] + np.cos(angle) * corners[:, 1]).min(axis=1)
+    meets = _sinks(lowest, level)
+
+    def at(row: float, name: str) -> float:
+        return float(np.interp(row, np.arange(len(z)), record[name]))
+
+    def kinetic(row: float) -> float:
+        u, w, spin = (at(row, name) for name in ("u [m/s]", "w [m/s]", "spin [rad/s]"))
+        return 0.5 * mass * (u**2 + w**2) + 0.5 * inertia * spin**2
+
+    speed = math.hypot(at(when, "u [m/s]"), at(when, "w [m/s]"))
+    return Impact(
+        time=at(when, "time [s]"),
+        speed=speed,
+        froude=speed / math.sqrt(gravity * depth),
+        energy=kinetic(when),
+        arrival=kinetic(0.0 if meets is None else meets),
+        fall=mass * gravity * (level - float(z[-1])),
+    )
+
+
+def _sinks(z: np.ndarray, level: float) -> float | None:
+    """The row, and share of the way to the next, at which `z` [m] first sinks through `level`; None if it starts below
+    or never does."""
     below = np.flatnonzero((z[1:] < level) & (z[:-1] >= level))
     if not len(below) or z[0] < level:
         return None
     k = below[0]
-    share = (z[k] - level) / (z[k] - z[k + 1])
-    time, u, w, spin = (
-        float((1.0 - share) * values[k] + share * values[k + 1])
-        for values in (t, record["u [m/s]"], record["w [m/s]"], record["spin [rad/s]"])
-    )
-    speed = math.hypot(u, w)
-    energy = 0.5 * mass * speed**2 + 0.5 * inertia * spin**2
-    return Impact(time, speed, speed / math.sqrt(gravity * depth), energy)
+    return k + (z[k] - level) / (z[k] - z[k + 1])
 
 
 def find_wave(time: np.ndarray, elevation: np.ndarray, *, depth: float, gravity: float, density: float) -> Wave | None:

@@ -261,13 +261,15 @@ class Run:
         for body in bodies.set.bodies:
             record = read_record(self.folder / "bodies" / f"{body.name}.csv")
             mass = {"mass": body.mass.mass, "inertia": float(body.mass.inertia[1, 1])}
-            found = find_impact(record, level=level, **about, **mass)
+            corners = body.outline.polygon() - body.mass.centre[[0, 2]]
+            found = find_impact(record, corners, level=level, **about, **mass)
             if found:
                 impacts[body.name] = {
                     "time [s]": found.time,
                     "speed [m/s]": found.speed,
                     "Froude number": found.froude,
                     "kinetic energy [J/m]": found.energy,
+                    "kinetic energy at the first contact [J/m]": found.arrival,
                 }
         total = sum(impact["kinetic energy [J/m]"] for impact in impacts.values())
         density = scene.materials[fill.material].density

@@ -16,7 +16,7 @@ from warpsph.launch import Launcher
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
 from warpsph.neighbours import Neighbours
 from warpsph.rheology import kinematic_viscosities
-from warpsph.scene import Scene
+from warpsph.scene import Scene, SceneError
 from warpsph.state import State
 from warpsph.step import Step
 from warpsph.viscosity import Viscosity
@@ -145,15 +145,19 @@ class Forecast:
     warnings: tuple[str, ...]
 
 
-# Steps of a flow that has developed over those at the start: neighbours are scattered, and listed anew every 10 steps.
-# 1.15 in block_maciel.yaml, 1.2 to 1.3 in the dam break of tools/bench.py, 1.05 in floating_box.yaml.
-DEVELOPED = 1.15
 # How long steps are timed [s], and how many batches of five at most.
 TIMED_SECONDS, MOST_BATCHES = 0.5, 40
+# How many times as coarse a scene may be rehearsed, and how long [s] and for what share of the time of the scene.
+REHEARSALS, MOST_REHEARSAL, SHARE_OF_REHEARSAL = (2, 3, 4), 8.0, 0.15
 
 
 def forecast(scene: Scene, launcher: Launcher) -> Forecast:
-    """Place the particles, list their neighbours, and time a few steps, which nothing comes of. Raises SceneError."""
+    """What the scene will take. Raises SceneError.
+
+    The particles are placed, their neighbours listed, and a few steps timed, which nothing comes of. How steps shrink
+    as the flow speeds up, and how often it wants new lists, is taken from a coarse rehearsal: both go by speeds over
+    that of sound and by motion over the spacing, so that they change little with the spacing.
+    """
     placement = place(scene)
     model = Model(scene, placement, launcher)
     state = State(model)
@@ -163,10 +167,11 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     arrays = [array for owner in owners for array in vars(owner).values() if isinstance(array, wp.array)]
     if model.viscous:
         arrays += Viscosity(model, state, neighbours).arrays()
-    speed = float(np.linalg.norm(placement.velocity, axis=1).max())
-    first_dt = scene.run.courant * scene.smoothing_length / (float(model.parameters.sound_speed.numpy().max()) + speed)
-    if model.viscous:
-        first_dt = min(first_dt, model.viscous.longest_step)
+    first_dt = _first_dt(model, placement)
+    duration = scene.run.end_time - scene.start_time
+    step_seconds, list_seconds = _time_steps(scene, launcher, placement)
+    seconds = duration / first_dt * step_seconds
+    shrinking, lists_a_step = _rehearse(scene, launcher, seconds)
     return Forecast(
         particle_count=model.particle_count,
         counts={name: int(np.sum(placement.fluid == f)) for f, name in enumerate(model.fluid_names)},
@@ -174,17 +179,37 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         body_points=sum(len(solid.body.surface.points) for solid in placement.solids),
         memory=sum(array.capacity for array in arrays if array.deleter),
         first_dt=first_dt,
-        steps=math.ceil((scene.run.end_time - scene.start_time) / first_dt),
+        # Whole numbers of equal steps end at each record: half a step more, on the average.
+        steps=math.ceil(duration / first_dt * shrinking + 0.5 * _count_records(scene)),
         viscosities=kinematic_viscosities(scene),
         viscous_stages=model.viscous.stages if model.viscous else 0,
-        step_seconds=DEVELOPED * _time_steps(scene, launcher, placement),
+        step_seconds=step_seconds + lists_a_step * list_seconds,
         warnings=placement.warnings,
     )
 
 
-def _time_steps(scene: Scene, launcher: Launcher, placement: Placement) -> float:
-    """How long one of the first steps takes [s]."""
-    step = Simulation(scene, str(launcher.device), launcher.threads, placement).step
+def _first_dt(model: Model, placement: Placement) -> float:
+    """The longest step of particles as they start [s]."""
+    speed = float(np.linalg.norm(placement.velocity, axis=1).max())
+    fastest = float(model.parameters.sound_speed.numpy().max()) + speed
+    dt = model.scene.run.courant * model.scene.smoothing_length / fastest
+    return min(dt, model.viscous.longest_step) if model.viscous else dt
+
+
+def _count_records(scene: Scene) -> int:
+    """At how many different times something is recorded."""
+    rates = (scene.output.samples_per_second, scene.output.frames_per_second)
+    starts = (scene.start_time, 0.0)
+    times = [
+        np.arange(math.ceil(t * rate), scene.run.end_time * rate) / rate for t, rate in zip(starts, rates, strict=True)
+    ]
+    return len(np.unique(np.round(np.concatenate(times), 9)))
+
+
+def _time_steps(scene: Scene, launcher: Launcher, placement: Placement) -> tuple[float, float]:
+    """How long one of the first steps takes, and how long it takes to list neighbours anew [s]."""
+    simulation = Simulation(scene, str(launcher.device), launcher.threads, placement)
+    step = simulation.step
     step.aim_at(scene.run.end_time)
     step.run(2)  # in which kernels are compiled
     batches, began = [], time.perf_counter()
@@ -192,4 +217,38 @@ def _time_steps(scene: Scene, launcher: Launcher, placement: Placement) -> float
         start = time.perf_counter()
         step.run(5)
         batches.append((time.perf_counter() - start) / 5)
-    return float(np.median(batches))
+    start = time.perf_counter()
+    for _ in range(3):
+        step.neighbours.rebuild()
+        if simulation.bodies:
+            simulation.bodies.rebuild()
+        step.neighbours.cells.start.numpy()  # a GPU has done it then
+    return float(np.median(batches)), (time.perf_counter() - start) / 3
+
+
+def _rehearse(scene: Scene, launcher: Launcher, seconds: float) -> tuple[float, float]:
+    """How many times as many steps as at the length of the first it takes, and how many lists a step.
+
+    `seconds` is what the scene would take at that [s]. It is run more coarsely, to its end or as far as there is time
+    for; where it cannot be (a body of one spacing, say) nothing is expected to change: 1 and 0.
+    """
+    most = min(MOST_REHEARSAL, SHARE_OF_REHEARSAL * seconds)
+    affordable = (times for times in REHEARSALS if seconds < most * times ** (scene.dimensions + 1))
+    coarse = scene.model_copy(update={"spacing": scene.spacing * next(affordable, REHEARSALS[-1])})
+    try:
+        simulation = Simulation(coarse, str(launcher.device), launcher.threads)
+    except SceneError:
+        return 1.0, 0.0
+    step, ends, began = simulation.step, [*simulation.phase_changes(), coarse.run.end_time], time.perf_counter()
+    step.aim_at(ends[0])
+    while ends and time.perf_counter() - began < most and not simulation.state.fault.numpy()[0]:
+        step.run(50)
+        if simulation.time >= ends[0]:
+            simulation.enter_phase()
+            ends.pop(0)
+            step.aim_at(ends[0] if ends else simulation.time)
+    gone, steps = simulation.time - coarse.start_time, simulation.step_count
+    if not gone:
+        return 1.0, 0.0
+    first_dt = _first_dt(simulation.model, simulation.placement)
+    return max(1.0, steps * first_dt / gone), step.neighbours.rebuilds / steps

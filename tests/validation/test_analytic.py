@@ -18,9 +18,9 @@ from warpsph.validation.analytic import (
     couette,
     fit_solitary_wave,
     floating_draft,
-    heave_added_mass,
-    heave_added_mass_in_tank,
+    heave_in_tank,
     herschel_bulkley_free_surface,
+    highest,
     huppert_depth,
     huppert_front,
     logvinovich_force,
@@ -338,21 +338,12 @@ def test_logvinovich_is_near_the_similarity_solution(degrees, coefficient, bar):
     assert force == pytest.approx(2.0 * float(wagner_half_width(0.02, **wedge)) * np.trapezoid(there, f), rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("beam_over_height", "coefficient"),
-    [(10.0, 1.14), (2.0, 1.36), (1.0, 1.51), (0.5, 1.70), (0.2, 1.98)],
-)
-def test_added_mass_of_a_rectangle(beam_over_height, coefficient):
-    """The printed coefficients of pi rho (beam / 2)^2, DNV-RP-C205 (2010) table D-1; half of it floats."""
-    draft = 1.0 / beam_over_height
-    found = heave_added_mass(beam=2.0, draft=draft, density=1000.0) / (0.5 * math.pi * 1000.0)
-    assert found == pytest.approx(coefficient, abs=0.006)
-
-
-def test_added_mass_of_a_square_and_of_a_plate():
-    """4.754 rho a^2 of the square of half-side a, Newman (1977) table 4.3; pi rho a^2 of a plate."""
-    assert 2 * heave_added_mass(beam=2.0, draft=1.0, density=1.0) == pytest.approx(4.754, abs=5e-4)
-    assert 2 * heave_added_mass(beam=2.0, draft=1e-6, density=1.0) == pytest.approx(math.pi, rel=1e-4)
+@pytest.mark.parametrize(("draft", "coefficient"), [(0.5, 1.36), (1.0, 4.754 / math.pi), (2.0, 1.70)])
+def test_added_mass_of_a_rectangle(draft, coefficient):
+    """Of pi rho (beam / 2)^2 in water without end, DNV-RP-C205 (2010) table D-1 and Newman (1977) table 4.3 for the
+    square; half of a rectangle floats, and heaves with half of it at high frequency. The tank is 20 by 12 beams."""
+    found = heave_in_tank(width=40.0, depth=24.0, beam=2.0, draft=draft, density=1000.0, dimensions=2).added_mass
+    assert found / (0.5 * math.pi * 1000.0) == pytest.approx(coefficient, rel=0.02)
 
 
 def test_draft_displaces_its_own_mass():
@@ -363,7 +354,7 @@ def test_added_mass_in_a_wide_tank_is_that_of_a_cube():
     """DNV-RP-C205 (2010), appendix D: 0.68 rho a^3 for a cube in water without end, half of which heaves with half of
     it at high frequency. In a tank of 4 by 2 beams; walls and a bottom that come closer make it more."""
     wide, narrow, shallow = (
-        heave_added_mass_in_tank(width=width, depth=depth, beam=1.0, draft=0.5, density=1.0)
+        heave_in_tank(width=width, depth=depth, beam=1.0, draft=0.5, density=1.0).added_mass
         for width, depth in ((4.0, 2.0), (2.0, 2.0), (4.0, 1.0))
     )
     assert wide == pytest.approx(0.34, rel=0.02)
@@ -372,7 +363,38 @@ def test_added_mass_in_a_wide_tank_is_that_of_a_cube():
 
 def test_added_mass_of_a_shallow_box_in_a_closing_gap():
     """The water below must pass the gap: an added mass of rho A^2 d / (A_tank - A) of it at least."""
-    added = heave_added_mass_in_tank(width=1.25, depth=1.0, beam=1.0, draft=0.5, density=1.0)
+    added = heave_in_tank(width=1.25, depth=1.0, beam=1.0, draft=0.5, density=1.0).added_mass
     assert added > 0.5 / (1.25**2 - 1.0)
     with pytest.raises(ValueError, match="no cubes fit"):
-        heave_added_mass_in_tank(width=0.48, depth=0.24, beam=0.24, draft=0.0801, density=1000.0)
+        heave_in_tank(width=0.48, depth=0.24, beam=0.24, draft=0.0801, density=1000.0)
+
+
+def test_heave_of_a_deep_box_hardly_makes_waves():
+    """Then it is a mass on the spring rho g A, which the level that falls as the box rises makes stiffer."""
+    sizes = {"width": 0.8, "depth": 0.36, "beam": 0.24, "draft": 0.16}
+    found = heave_in_tank(**sizes, density=1000.0)
+    area = 0.24**2
+    mass, spring = 1000.0 * area * 0.16 + found.added_mass, 9810.0 * area / (1.0 - area / 0.8**2)
+    assert found.period == pytest.approx(2.0 * math.pi * math.sqrt(mass / spring), rel=5e-3)
+    assert found.first == pytest.approx(0.5 * found.period, rel=5e-3)
+    slow = heave_in_tank(**sizes, density=1000.0, gravity=9.81 / 4.0)
+    assert slow.period == pytest.approx(2.0 * found.period) and slow.added_mass == pytest.approx(found.added_mass)
+
+
+def test_a_shallow_box_makes_waves():
+    """Froude's similarity; the waves that come back leave no such half of a period."""
+    sizes = {"width": 2.0, "depth": 0.4, "beam": 0.3, "draft": 0.1}
+    found = heave_in_tank(**sizes, density=1000.0, dimensions=2)
+    twice = heave_in_tank(**{name: 2.0 * size for name, size in sizes.items()}, density=1000.0, dimensions=2)
+    assert twice.period == pytest.approx(math.sqrt(2.0) * found.period)
+    assert twice.added_mass == pytest.approx(4.0 * found.added_mass)
+    assert abs(found.first / (0.5 * found.period) - 1.0) > 0.05
+
+
+def test_highest_places_of_an_oscillation_that_dies_away():
+    """Those of exp(-b t) cos(w t + p) are a period apart, whatever it swings about."""
+    t = np.arange(0.0, 5.0, 0.01)
+    decay, rate = 0.5, 2.0 * math.pi / 1.3
+    found = highest(t, 0.3 - np.exp(-decay * t) * np.cos(rate * t), 1.2)
+    first = (math.pi - math.atan(decay / rate)) / rate
+    assert found == pytest.approx(first + 1.3 * np.arange(4), abs=2e-3)

@@ -11,7 +11,8 @@ from warpsph.validation.blocks import Slide, measure_maciel_series, measure_mki_
 
 def run_of(froude: float, amplitude: float, share: float = 0.1, inside: int = 0) -> SimpleNamespace:
     """What stands for a finished run: its scene, and the slide that is read off it."""
-    slide = Slide(SimpleNamespace(froude=froude), (), amplitude, 0.5 * amplitude, 1.5, 1.5, share, 0.05, inside, 0.05)
+    shares = (share, 0.09, 0.07, 0.05)
+    slide = Slide(SimpleNamespace(froude=froude), (), amplitude, 0.5 * amplitude, 1.5, 1.5, *shares, inside, 0.05)
     fill = SimpleNamespace(fill=SimpleNamespace(level=0.2))
     return SimpleNamespace(scene=SimpleNamespace(fluids=[fill]), slide=slide)
 

@@ -15,7 +15,7 @@ from warpsph.validation.blocks import (
     measure_maciel_series,
     measure_mki_series,
 )
-from warpsph.validation.bodies import measure_floating_box, measure_floating_box_3d, measure_sinking_disc
+from warpsph.validation.bodies import measure_floating_box, measure_sinking_disc
 from warpsph.validation.landslide import measure_landslide
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
@@ -84,7 +84,7 @@ CASES: Mapping[str, Case | Series] = {
     "landslide_0200": Case("the same slide into 0.20 m of water (predicted)", measure_landslide),
     "sinking_disc": Case("a disc sinks: momentum of fluid and body", measure_sinking_disc),
     "floating_box": Case("a box floats: Archimedes, and the heave", measure_floating_box),
-    "floating_box_3d": Case("the same in 3-D", measure_floating_box_3d),
+    "floating_box_3d": Case("the same in 3-D", measure_floating_box),
     "wedge_entry": Case("a wedge enters calm water at a constant speed", measure_wedge_entry),
     "block_maciel": Case("a block slides into 0.20 m of water", measure_block_maciel),
     "block_mki": Case("a block slides down 10 degrees into 0.21 m of water", measure_block_mki),

@@ -302,42 +302,29 @@ def logvinovich_force(t: ArrayLike, *, speed: float, deadrise: float, density: f
     return density * speed**2 * half_width * (a * math.asin(s) - cos2 * math.atanh(s) - sin2 * s)
 
 
-def heave_added_mass(*, beam: float, draft: float, density: float) -> float:
-    """Added mass [kg/m] of a floating box that heaves fast in deep water.
+@dataclass(frozen=True)
+class Heave:
+    """How a floating box heaves that is let go at rest deeper than it floats, by linear theory.
 
-    Half of that of the rectangle `beam` by 2 `draft` in fluid without end, as a surface with phi = 0 mirrors it: the
-    limit of high frequency, Lewis (1929). The rectangle is exact, Riabouchinsky (1920): it is the image of the circle
-    under dz/ds = R sqrt(1 - 2 cos(2 q) / s^2 + 1 / s^4), with q such that the sides are right, and
-
-        m = 2 pi rho R^2 (1 + cos 2 q) - rho beam 2 draft
+    Attributes:
+        added_mass: At high frequency [kg], in 2-D [kg/m].
+        first: When it is highest for the first time [s].
+        period: From then until it is highest again [s].
     """
-    low, high = 0.0, 0.5 * math.pi
-    for _ in range(60):
-        q = 0.5 * (low + high)
-        if _side(q) * beam < _side(0.5 * math.pi - q) * 2.0 * draft:
-            low = q
-        else:
-            high = q
-    radius = beam / _side(0.5 * math.pi - q)
-    rectangle = 2.0 * math.pi * density * radius**2 * (1.0 + math.cos(2.0 * q)) - density * beam * 2.0 * draft
-    return 0.5 * rectangle
+
+    added_mass: float
+    first: float
+    period: float
 
 
-def _side(q: float) -> float:
-    """Length of the side over the arc -q..q of the unit circle: integral of sqrt(2 cos 2 f - 2 cos 2 q) df."""
-    node, weight = np.polynomial.legendre.leggauss(64)
-    # f = q sin(s) takes the root at both ends away.
-    s = 0.5 * math.pi * node
-    f = q * np.sin(s)
-    root = 2.0 * np.sqrt(np.clip(np.sin(q + f) * np.sin(q - f), 0.0, None))
-    return float(np.sum(0.5 * math.pi * weight * root * q * np.cos(s)))
+def heave_in_tank(
+    *, width: float, depth: float, beam: float, draft: float, density: float, gravity: float = 9.81, dimensions: int = 3
+) -> Heave:
+    """The heave of a box in the middle of a tank, with the waves in it: potential flow, small motions.
 
-
-def heave_added_mass_in_tank(*, width: float, depth: float, beam: float, draft: float, density: float) -> float:
-    """Added mass [kg] of a square box that heaves fast in the middle of a square tank: phi = 0 at the surface.
-
-    Of two grids, one twice as fine as the other, extrapolated: at an edge of 270 degrees phi goes like r^(2/3), and the
-    added mass converges like dx^(4/3).
+    In 3-D box and tank are square. Of two grids, one twice as fine as the other, extrapolated: at an edge of 270
+    degrees phi goes like r^(2/3), and the added mass converges like dx^(4/3). The water level falls as the box rises,
+    which shortens the period: by sqrt(1 - (beam / width)^2), in 2-D sqrt(1 - beam / width), if there are no waves.
 
     Raises ValueError where no whole number of cubes, up to 6 to half the beam, fits all sizes.
     """
@@ -345,48 +332,114 @@ def heave_added_mass_in_tank(*, width: float, depth: float, beam: float, draft: 
     fits = (cells for cells in range(2, 7) if np.allclose(sizes * cells, np.round(sizes * cells), atol=1e-6))
     if (cells := next(fits, None)) is None:
         raise ValueError(f"no cubes fit a beam of {beam:g} m, a draft of {draft:g} m and the tank")
-    coarse, fine = (_added_mass_by_cubes(n, *np.rint(sizes * n).astype(int)) for n in (cells, 2 * cells))
-    return density * beam**3 * (fine + (fine - coarse) / (2.0 ** (4.0 / 3.0) - 1.0))
+    if dimensions == 2:
+        cells *= 4  # squares are cheap
+    grids = [_Cubes.of(n, *np.rint(sizes * n).astype(int), dimensions) for n in (cells, 2 * cells)]
+    coarse, fine = (np.array(grid.heave(beam, draft, density, gravity)) for grid in grids)
+    return Heave(*(fine + (fine - coarse) / (2.0 ** (4.0 / 3.0) - 1.0)).tolist())
 
 
-def _added_mass_by_cubes(cells: int, width: int, depth: int, draft: int) -> float:
-    """Added mass over density x beam^3, by finite differences for Laplace's equation.
+@dataclass(frozen=True)
+class _Cubes:
+    """Laplace's equation around a box in a tank by finite differences, told by its surfaces alone.
 
-    A quarter of the tank is cut into cubes: `cells` to half the beam, `width`, `depth` and `draft` to half the width
-    and to the others. Layers are eliminated from the bottom to the surface, phi_k = Q phi_(k+1) + q. The box rises at
-    one cube's edge a second, and the added mass is density times the integral of phi over its bottom.
+    A quarter of the tank, in 2-D a half, is cut into cubes of edge 1. With phi at the free surface, and the box rising
+    at 1, water flows up through the surface at `flow` phi + `lift`, and the sum of phi over the bottom of the box is
+    `added` - `lift` phi.
+
+    Attributes:
+        cells: Cubes to half the beam.
+        dimensions: 2 or 3.
+        flow: Shape [surface, surface].
+        lift: Shape [surface].
+        added: Of the quarter.
     """
-    line = np.eye(width, k=1) + np.eye(width, k=-1)
-    line -= np.diag(line.sum(axis=1))
-    flat = np.kron(line, np.eye(width)) + np.kron(np.eye(width), line)
-    side = np.arange(width) < cells
-    under = np.kron(side, side)
-    beside = np.flatnonzero(~under)
-    ring = flat[np.ix_(beside, beside)]
-    ring -= np.diag(ring.sum(axis=1))
 
-    # Below the box all layers have the modes of `flat`.
-    values, modes = np.linalg.eigh(line)
-    modes, decay = np.kron(modes, modes), np.add.outer(values, values).ravel()
-    share = np.zeros_like(decay)
-    for k in range(depth - draft - 1):
-        share = 1.0 / (float(k > 0) + 1.0 - decay - share)  # links to the layers below and above, and to the sides
-    below = (modes * share) @ modes.T
-    links = float(depth - draft > 1) + np.where(under, 0.0, 1.0)
-    base = np.linalg.inv(np.diag(links) - flat - below)
-    by_box = base @ under.astype(float)
-    Q, q = base[np.ix_(beside, beside)], by_box[beside]
-    layers = []
-    for k in range(draft):
-        links = 3.0 if k == draft - 1 else 2.0  # the surface is half as far as a layer
-        Q = np.linalg.inv(links * np.eye(len(beside)) - ring - Q)
-        q = Q @ q
-        layers.append((Q, q))
-    phi = np.zeros(len(beside))
-    for Q, q in reversed(layers):
-        phi = Q @ phi + q
-    bottom = (by_box + base[:, beside] @ phi)[under] + 0.5
-    return 4.0 * float(bottom.sum()) / (2 * cells) ** 3
+    cells: int
+    dimensions: int
+    flow: np.ndarray
+    lift: np.ndarray
+    added: float
+
+    @classmethod
+    def of(cls, cells: int, width: int, depth: int, draft: int, dimensions: int) -> "_Cubes":
+        """`cells`, `width`, `depth` and `draft` are cubes to half the beam, to half the width and to the others.
+
+        Layers are eliminated from the bottom to the surface, phi_k = Q phi_(k+1) + q.
+        """
+        line = np.eye(width, k=1) + np.eye(width, k=-1)
+        line -= np.diag(line.sum(axis=1))
+        side = np.arange(width) < cells
+        values, modes = np.linalg.eigh(line)
+        flat, under, decay = line, side, values
+        if dimensions == 3:
+            flat = np.kron(line, np.eye(width)) + np.kron(np.eye(width), line)
+            under, modes, decay = np.kron(side, side), np.kron(modes, modes), np.add.outer(values, values).ravel()
+        beside = np.flatnonzero(~under)
+        ring = flat[np.ix_(beside, beside)]
+        ring -= np.diag(ring.sum(axis=1))
+
+        # Below the box all layers have the modes of `flat`.
+        share = np.zeros_like(decay)
+        for k in range(depth - draft - 1):
+            share = 1.0 / (float(k > 0) + 1.0 - decay - share)  # links to the layers below and above, and to the sides
+        below = (modes * share) @ modes.T
+        links = float(depth - draft > 1) + np.where(under, 0.0, 1.0)
+        base = np.linalg.inv(np.diag(links) - flat - below)
+        by_box = base @ under.astype(float)
+        Q, q = base[np.ix_(beside, beside)], by_box[beside]
+        layers = []
+        for k in range(draft):
+            above = 2.0 if k == draft - 1 else 1.0  # the surface is half as far as a layer
+            inverse = np.linalg.inv((1.0 + above) * np.eye(len(beside)) - ring - Q)
+            Q, q = above * inverse, inverse @ q
+            layers.append((Q, q))
+        phi = np.zeros(len(beside))
+        for Q, q in reversed(layers):
+            phi = Q @ phi + q
+        bottom = (by_box + base[:, beside] @ phi)[under] + 0.5
+        Q, q = layers[-1]
+        return cls(cells, dimensions, 2.0 * (np.eye(len(beside)) - Q), -2.0 * q, float(bottom.sum()))
+
+    def heave(self, beam: float, draft: float, density: float, gravity: float) -> tuple[float, float, float]:
+        """Added mass, first time and period, as of `Heave`.
+
+        The surface rises at `flow` phi + `lift` w, phi changes by -g times its rise, and the box is pushed by its own
+        weight of water and by -density d/dt of phi summed over its bottom: leapfrog steps in the modes of `flow`.
+        """
+        edge = 0.5 * beam / self.cells
+        column = (2.0 if self.dimensions == 2 else 4.0) * density * edge ** (self.dimensions - 1)  # of all quarters
+        values, modes = np.linalg.eigh(0.5 * (self.flow + self.flow.T))
+        lift, area = modes.T @ self.lift, beam ** (self.dimensions - 1)
+        added = column * edge * self.added
+        mass, spring = density * area * draft + added, density * gravity * area
+        span = 2.0 * math.pi * math.sqrt(mass / spring)
+        dt = 1e-3 * span
+        rise, phi, z, w, heights = np.zeros_like(lift), np.zeros_like(lift), -1.0, 0.0, []
+        for n in range(2000):
+            phi -= (0.5 if n == 0 else 1.0) * dt * gravity * rise
+            w -= (0.5 if n == 0 else 1.0) * dt * (spring * z + column * gravity * (lift @ rise)) / mass
+            rise += dt * (values / edge * phi + lift * w)
+            z += dt * w
+            heights.append(z)
+        first, again = highest(dt * np.arange(1, 2001), np.array(heights), span)[:2]
+        return added, first, again - first
+
+
+def highest(time: np.ndarray, height: np.ndarray, period: float) -> np.ndarray:
+    """Times at which a heave of about `period` [s] is highest, from evenly sampled records of shape [n].
+
+    Where no place within a third of a period is as high; between samples by a parabola through a sixth of a period.
+    """
+    around = round(period / 3.0 / (time[1] - time[0]))
+    near = np.lib.stride_tricks.sliding_window_view(height, 2 * around + 1)
+    tops = np.flatnonzero(near.argmax(axis=1) == around) + around
+    found = []
+    for k in tops:
+        part = slice(k - around // 4, k + around // 4 + 1)
+        curve, slope, _ = np.polyfit(time[part] - time[k], height[part], 2)
+        found.append(time[k] - 0.5 * slope / curve)
+    return np.array(found)
 
 
 def floating_draft(*, mass: float, waterplane: float, density: float) -> float:
