@@ -207,23 +207,24 @@ def _count_records(scene: Scene) -> int:
 
 
 def _time_steps(scene: Scene, launcher: Launcher, placement: Placement) -> tuple[float, float]:
-    """How long one of the first steps takes, and how long it takes to list neighbours anew [s]."""
+    """How long one of the first steps takes without new lists, and how long these take [s]."""
     simulation = Simulation(scene, str(launcher.device), launcher.threads, placement)
     step = simulation.step
     step.aim_at(scene.run.end_time)
     step.run(2)  # in which kernels are compiled
     batches, began = [], time.perf_counter()
     while len(batches) < MOST_BATCHES and (not batches or time.perf_counter() - began < TIMED_SECONDS):
-        start = time.perf_counter()
+        lists, start = step.neighbours.rebuilds, time.perf_counter()
         step.run(5)
-        batches.append((time.perf_counter() - start) / 5)
+        batches.append((time.perf_counter() - start, step.neighbours.rebuilds - lists))
     start = time.perf_counter()
     for _ in range(3):
         step.neighbours.rebuild()
         if simulation.bodies:
             simulation.bodies.rebuild()
         step.neighbours.cells.start.numpy()  # a GPU has done it then
-    return float(np.median(batches)), (time.perf_counter() - start) / 3
+    list_seconds = (time.perf_counter() - start) / 3
+    return float(np.median([(seconds - lists * list_seconds) / 5 for seconds, lists in batches])), list_seconds
 
 
 def _rehearse(scene: Scene, launcher: Launcher, seconds: float) -> tuple[float, float]:
