@@ -360,6 +360,7 @@ class Clock:
         self.work, self.total_work = self._array([[1.0, 2.0, 3.0]], wp.vec3), self._array([[0.0, 0.0, 0.0]], wp.vec3d)
         self.time, self.target = self._array([0.0], wp.float64), self._array([target], wp.float64)
         self.dt, self.dt_limit, self.steps = self._array([0.0]), self._array([limit]), self._array([0], int)
+        self.last_step = self._array([1 << 30], int)
         self.stale, self.running = self._array([0], int), self._array([0], int)
         self.first_fault, self.first_fault_slot = self._array([0], int), self._array([0], int)
         self.aim()
@@ -372,8 +373,8 @@ class Clock:
 
     def aim(self) -> None:
         self._launch(
-            *(integrators.aim_clock, self.time, self.target, self.dt_limit, self.stale, self.first_fault),
-            *(self.dt, self.running),
+            *(integrators.aim_clock, self.time, self.target, self.last_step, self.dt_limit, self.stale),
+            *(self.first_fault, self.steps, self.dt, self.running),
         )
 
     def tick(self) -> None:
@@ -381,7 +382,7 @@ class Clock:
         self._launch(integrators.watch_blocks, 1, 256, *watched)
         self._launch(
             *(integrators.advance_clock, 1, 1, self.block_limit, self.fault_slot, self.fault, self.strain, self.target),
-            *(self.time, self.dt, self.steps, self.first_fault, self.first_fault_slot),
+            *(self.last_step, self.time, self.dt, self.steps, self.first_fault, self.first_fault_slot),
             *(self.dt_limit, self.stale, self.running),
         )
 
@@ -428,6 +429,20 @@ def test_clock_waits_for_new_lists(device, strain, waits):
     clock.stale.zero_()
     clock.aim()
     assert value(clock.running)
+
+
+def test_clock_waits_after_the_last_step_that_it_may_do(device):
+    """Without forgetting how long the next one is."""
+    clock, running = Clock(device, 1.0, limit=0.1), []
+    clock.last_step.fill_(2)
+    for _ in range(3):
+        running.append(value(clock.running))
+        clock.tick()
+    assert running == [1, 1, 0]
+    assert value(clock.dt) == pytest.approx(0.1)
+    clock.last_step.fill_(4)
+    clock.aim()
+    assert value(clock.running) == 1
 
 
 def test_clock_stops_at_the_first_fault(device):
