@@ -18,7 +18,7 @@ from functools import cache
 
 import warp as wp
 
-from .corrections import LEAST_MOMENT, LEAST_SPAN, spanning_inverse
+from .corrections import LEAST_MOMENT, LEAST_SPAN, MOMENTS_WITH, Moments, moments_matrix, spanning_inverse
 from .images import Images
 from .parameters import Parameters
 from .rates import CPU_LAYOUT, Layout, compiler_options
@@ -50,12 +50,18 @@ def balance_in_space(balance: wp.array[float], i: int):
 BALANCE: Mapping[int, wp.Function] = {2: balance_in_plane, 3: balance_in_space}  # by the dimensions of space
 
 
+@wp.func
+def balance_factor(b_x: float, b_y: float, b_z: float, x: float, y: float, z: float) -> float:
+    """f_ij of a pair that lies x_ij apart, by b = lambda_i - lambda_j."""
+    return wp.max(0.0, 1.0 + b_x * x + b_y * y + b_z * z)
+
+
 @cache
 def balance_kernel(
     smoothing: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
 ) -> wp.Kernel:
     """The pair loop of lambda: one sweep of Jacobi's iteration."""
-    slope = SMOOTHING[smoothing].slope
+    slope, moments_with = SMOOTHING[smoothing].slope, MOMENTS_WITH[dimensions]
     load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
     of = BALANCE[dimensions]
 
@@ -80,7 +86,7 @@ def balance_kernel(
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, _u_i, _v_i, _w_i, _p_i = load(position_volume, packed_velocity, i)
 
-        M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
+        M = Moments()
         rest_x, rest_y, rest_z = float(0.0), float(0.0), float(0.0)
         stride = parameters.column_stride if wp.static(by_column) else 1
         k = i * parameters.row_stride
@@ -92,18 +98,12 @@ def balance_kernel(
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
             t = s * (1.0 - b_x * x - b_y * y - b_z * z)
-            M_xx -= s * x * x
-            M_yy -= s * y * y
-            M_zz -= s * z * z
-            M_xy -= s * x * y
-            M_xz -= s * x * z
-            M_yz -= s * y * z
+            M = moments_with(M, s, x, y, z)
             rest_x += t * x
             rest_y += t * y
             rest_z += t * z
             k += stride
 
-        M = wp.mat33(M_xx, M_xy, M_xz, M_xy, M_yy, M_yz, M_xz, M_yz, M_zz)
         rest = wp.vec3(rest_x, rest_y, rest_z)
         if wp.static(with_images):
             x_vec = wp.vec3(x_i, y_i, z_i)
@@ -116,12 +116,12 @@ def balance_kernel(
                 xV_g = place[j]
                 x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
-                M -= s * wp.outer(x_ig, x_ig)
+                M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
                 rest += s * (1.0 - wp.dot(lambda_g, x_ig)) * x_ig
                 k += stride
         n = parameters.gradient_norm
-        inside = share_inside(n * wp.trace(M) / float(parameters.dimensions))
-        balance_out[i] = inside * (spanning_inverse(n * M, LEAST_MOMENT, LEAST_SPAN) * (n * rest))
+        inside = share_inside(n * (M.xx + M.yy + M.zz) / float(parameters.dimensions))
+        balance_out[i] = inside * (spanning_inverse(moments_matrix(M, n), LEAST_MOMENT, LEAST_SPAN) * (n * rest))
 
     return find_balance
 

@@ -14,7 +14,7 @@ from functools import cache
 
 import warp as wp
 
-from .balance import BALANCE, SURFACE_MOMENT, share_inside
+from .balance import BALANCE, SURFACE_MOMENT, balance_factor, share_inside
 from .images import Images, velocity_beyond
 from .parameters import Parameters
 from .rates import CPU_LAYOUT, Layout, compiler_options
@@ -119,7 +119,7 @@ def laminar_acceleration_kernel(
             s = V_j * slope(wp.sqrt(r2) * parameters.inverse_h)
             if wp.static(balanced):
                 b_jx, b_jy, b_jz = balance_of(balance, j)
-                s *= wp.max(0.0, 1.0 + (b_x - b_jx) * x + (b_y - b_jy) * y + (b_z - b_jz) * z)
+                s *= balance_factor(b_x - b_jx, b_y - b_jy, b_z - b_jz, x, y, z)
             A, B = force(between(mu_i, mu_j), dimensions, u * x + v * y + w * z, r2)
             viscous_x += s * (A * u + B * x)
             viscous_y += s * (A * v + B * y)
@@ -144,8 +144,8 @@ def laminar_acceleration_kernel(
                 s = xV_g[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
                 if wp.static(balanced):
                     b_sx, b_sy, b_sz = balance_of(balance, ghost_source[g])
-                    b_g = images.rotation[ghost_image[g]] * wp.vec3(b_sx, b_sy, b_sz)
-                    s *= wp.max(0.0, 1.0 + wp.dot(wp.vec3(b_x, b_y, b_z) - b_g, x_ig))
+                    b = wp.vec3(b_x, b_y, b_z) - images.rotation[ghost_image[g]] * wp.vec3(b_sx, b_sy, b_sz)
+                    s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
                 A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
                 by_viscosity += s * (A * u_ig + B * x_ig)
                 k += stride

@@ -9,7 +9,7 @@ from functools import cache
 
 import warp as wp
 
-from .balance import BALANCE
+from .balance import BALANCE, balance_factor
 from .corrections import (
     GRADIENT_WITH,
     MOMENTS_WITH,
@@ -321,7 +321,7 @@ def stress_acceleration_kernel(
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
             if wp.static(balanced):
                 b_jx, b_jy, b_jz = balance_of(balance, j)
-                s *= wp.max(0.0, 1.0 + (b_x - b_jx) * x + (b_y - b_jy) * y + (b_z - b_jz) * z)
+                s *= balance_factor(b_x - b_jx, b_y - b_jy, b_z - b_jz, x, y, z)
             mu = 2.0 * between(mu_i, mu_j)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, j)
             stress_x += s * ((xx_i + xx) * x + (xz_i + xz) * z + mu * u)
@@ -350,8 +350,8 @@ def stress_acceleration_kernel(
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 if wp.static(balanced):
                     b_sx, b_sy, b_sz = balance_of(balance, source)
-                    b_g = images.rotation[image] * wp.vec3(b_sx, b_sy, b_sz)
-                    s *= wp.max(0.0, 1.0 + wp.dot(wp.vec3(b_x, b_y, b_z) - b_g, x_ig))
+                    b = wp.vec3(b_x, b_y, b_z) - images.rotation[image] * wp.vec3(b_sx, b_sy, b_sz)
+                    s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
                 by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * (u_vec - u_g))
                 k += stride
         inverse_rho_i = V_i / parameters.mass[fluid[i]]
