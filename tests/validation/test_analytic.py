@@ -23,6 +23,8 @@ from warpsph.validation.analytic import (
     highest,
     huppert_depth,
     huppert_front,
+    impulse_product,
+    impulse_wave,
     logvinovich_force,
     periodic_shear,
     plug_thickness,
@@ -31,6 +33,7 @@ from warpsph.validation.analytic import (
     ritter,
     ritter_front,
     solitary_celerity,
+    solitary_energy,
     solitary_wave,
     wagner_force,
     wagner_half_width,
@@ -279,6 +282,31 @@ def test_solitary_wave_volume_and_celerity():
     assert elevation.max() == 0.06
     assert integral(elevation, s) == pytest.approx(math.sqrt(16 / 3 * 0.06 * 0.3**3), rel=1e-9)
     assert solitary_celerity(depth=0.3, amplitude=1e-9) == pytest.approx(math.sqrt(9.81 * 0.3))
+
+
+def test_solitary_wave_has_as_much_energy_as_its_shape_says():
+    """Potential energy is that of the elevation, and the long waves of theory have as much kinetic energy."""
+    s = np.linspace(-10.0, 10.0, 200_001)
+    elevation = solitary_wave(s, depth=0.3, amplitude=0.06)
+    potential = 0.5 * 1000.0 * 9.81 * np.trapezoid(elevation**2, s)
+    assert solitary_energy(depth=0.3, amplitude=0.06, density=1000.0) == pytest.approx(2.0 * potential, rel=TOLERANCE)
+
+
+# ------------------------------------------------------------------------------------------------------ impulse wave
+
+
+def test_impulse_product_of_the_slide_at_lake_askja():
+    """Evers et al. (2019) 4.2.1: F = 0.82, S = 0.26, M = 1.91 on 10.4 degrees make P = 0.49, as printed."""
+    slide = {"thickness": 0.26 * 138.0, "mass": 1.91 * 1000.0 * 138.0**2, "slope": 10.4}
+    product = impulse_product(froude=0.82, depth=138.0, density=1000.0, **slide)
+    assert product == pytest.approx(0.49, abs=0.005)
+
+
+def test_impulse_wave_decays_along_a_channel():
+    """By X^(-4/15) (Evers et al. 2019, 5.2.2), and in proportion to the depth; a = 3/5 d where P = X = 1."""
+    assert impulse_wave(1.0, depth=2.0, distance=2.0) == pytest.approx(1.2, rel=TOLERANCE)
+    near, far = (impulse_wave(0.7, depth=100.0, distance=x) for x in (500.0, 2000.0))
+    assert far / near == pytest.approx(4.0 ** (-4.0 / 15.0), rel=TOLERANCE)
 
 
 @pytest.mark.parametrize("gravity", [None, 9.81])

@@ -264,6 +264,34 @@ def fit_solitary_wave(
 # ------------------------------------------------------------------------------------------------------------- bodies
 
 
+def impulse_product(
+    *, froude: float, thickness: float, mass: float, depth: float, slope: float, density: float
+) -> float:
+    """P = F S^(1/2) M^(1/4) cos(6 alpha / 7)^(1/2), S = s / d, M = m / (rho d^2): Heller & Hager (2010).
+
+    Of a slide s = `thickness` [m] thick, of `mass` [kg/m], that hits water of `depth` [m] and `density` [kg/m3] on a
+    slope of alpha = `slope` [degrees] with the Froude number F = V / sqrt(g d), V the speed of its centre.
+    """
+    M = mass / (density * depth**2)
+    return froude * math.sqrt(thickness / depth) * M**0.25 * math.sqrt(math.cos(math.radians(6.0 / 7.0 * slope)))
+
+
+def impulse_wave(product: float, *, depth: float, distance: float) -> float:
+    """Amplitude of the wave of a slide [m], `distance` [m] from the impact in a channel: a = 4/5 H,
+    H = 3/4 (P X^(-1/3))^(4/5) d, X = x / d.
+
+    Heller & Hager (2010), from experiments with granular slides; Evers, Heller, Fuchs, Hager & Boes (2019) eq 3.16 and
+    3.19, for slopes of 30 to 90 degrees, F = 0.86 to 6.83, S = 0.09 to 1.64, M = 0.11 to 10.02, slides 0.59 to 1.72
+    times as dense as water, and X > 11/2 P^(1/2).
+    """
+    return 0.8 * 0.75 * (product * (distance / depth) ** (-1.0 / 3.0)) ** 0.8 * depth
+
+
+def solitary_energy(*, depth: float, amplitude: float, density: float, gravity: float = 9.81) -> float:
+    """E = 8 / (3 sqrt(3)) rho g (a d)^(3/2) [J/m], half of it kinetic: of `solitary_wave`, Boussinesq (1872)."""
+    return 8.0 / (3.0 * math.sqrt(3.0)) * density * gravity * (amplitude * depth) ** 1.5
+
+
 def wagner_half_width(t: ArrayLike, *, speed: float, deadrise: float) -> np.ndarray:
     """Half of the wetted width [m] of a wedge that enters still water: pi / 2 V t / tan(deadrise), Wagner (1932)."""
     return 0.5 * math.pi * speed / math.tan(deadrise) * np.asarray(t, float)

@@ -12,13 +12,16 @@ from warpsph.impact import Impact, Wave, celerity, find_impact, find_wave
 from warpsph.preview import LINE_PALETTE, new_plots
 from warpsph.records import find_crest, read_record
 from warpsph.run import Run
-from warpsph.validation.analytic import solitary_celerity
+from warpsph.validation.analytic import impulse_product, impulse_wave, solitary_celerity, solitary_energy
 from warpsph.validation.result import Result, against, at_most
 
 MACIEL = "Maciel & Nascimento (2002) in Vasco (2014) 7.2.5.2"
 MKI = "Monaghan, Kos & Issa (2003) in Vasco (2014) 7.2.5.1"
 NO_WAVE = Result("blocks that sank and made a wave at both gauges", "", 0, 1, passed=False, source="it must")
 NASCIMENTO = "between 1 and 14 %: Nascimento (2001)"
+HELLER = "Heller & Hager (2010), granular slides"
+# Of the slopes on which those experiments were made [degrees].
+LEAST_SLOPE = 30.0
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,8 @@ class Slide:
         share_of_arrival: The same over its kinetic energy as it first touches the water.
         share_of_fall: The same over its kinetic energy at the impact and what gravity gives it from then on.
         share_of_all: The same over all the energy that the block lost, to water and to friction, since its release.
+        by_law, share_by_law: The amplitude [m] at the last gauge by `impulse_wave`, and the `share` of a solitary wave
+            as high; nan on a ramp that is too gentle for it.
         inside: Particles in the block.
         gap: From the centre of the block to the nearest point of a wall [m].
     """
@@ -50,6 +55,8 @@ class Slide:
     share_of_arrival: float
     share_of_fall: float
     share_of_all: float
+    by_law: float
+    share_by_law: float
     inside: int
     gap: float
 
@@ -80,6 +87,18 @@ def slide_of(run: Run) -> Slide | None:
     # The crest comes back after twice the way to the end of the flume: look from half of that on.
     back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
     wave = last.kinetic + last.potential
+    by_law, slope = np.nan, abs(scene.bodies[0].angle)
+    if slope >= LEAST_SLOPE:
+        product = impulse_product(
+            froude=impact.froude,
+            thickness=float(np.ptp(corners[:, 1])),
+            mass=body.mass.mass,
+            depth=depth,
+            slope=slope,
+            density=density,
+        )
+        # The foot of the ramp is at x = 0; gauges count from where its still water line is.
+        by_law = impulse_wave(product, depth=depth, distance=far.x + depth / np.tan(np.radians(slope)))
     reflected = find_crest(time[back], np.append(level[0], level[back][1:]))[0] if back.sum() > 5 else np.nan
     return Slide(
         impact,
@@ -92,13 +111,16 @@ def slide_of(run: Run) -> Slide | None:
         wave / impact.arrival,
         wave / (impact.energy + impact.fall),
         wave / float(of_block[0] - of_block[-1]),
+        by_law,
+        solitary_energy(**about, amplitude=by_law, density=density) / impact.energy,
         int(simulation.bodies.holds(simulation.state.snapshot().position).sum()),
         float(np.linalg.norm(walls - centre, axis=1).min()),
     )
 
 
 def measure_block_maciel(run: Run) -> list[Result]:
-    """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m."""
+    """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m and
+    within 30 % of what other experiments came to."""
     slide, far = slide_of(run), run.scene.gauges[-1].name
     if slide is None:
         return [NO_WAVE]
@@ -107,6 +129,7 @@ def measure_block_maciel(run: Run) -> list[Result]:
     return [
         Result("Froude number of the impact", "", slide.impact.froude, None, source="computed"),
         Result(f"crest amplitude at {far}", "m", amplitude, None, passed=0.03 <= amplitude <= 0.05, source=source),
+        against("the same", "m", amplitude, slide.by_law, 0.3, HELLER),
         against("celerity of the crest", "m/s", slide.celerity, slide.expected, 0.03, "sqrt(g (d + a))"),
         Result(
             f"likeness to a solitary wave at {far}, R2",
@@ -118,6 +141,7 @@ def measure_block_maciel(run: Run) -> list[Result]:
             source="Boussinesq (1872)",
         ),
         *_sound(slide),
+        Result("energy of a solitary wave over that at the impact", "", slide.share_by_law, None, source=HELLER),
     ]
 
 
@@ -174,12 +198,16 @@ def _measure_series(
     slides = sorted(found, key=lambda slide: slide.impact.froude)
     froude, heights = [s.impact.froude for s in slides], [amplitude(s) for s in slides]
     depth = next(fluid.fill.level for fluid in runs[0].scene.fluids if fluid.fill)
-    draw_series(froude, np.array(heights) / depth, f"{name} / depth", folder / "amplitude.png")
+    by_law = np.array([slide.by_law for slide in slides]) / depth
+    draw_series(froude, np.array(heights) / depth, by_law, f"{name} / depth", folder / "amplitude.png")
     least = float(np.diff(heights).min())
-    results = [
-        Result(f"{name}, Froude number {fr:.2f}", "m", height, None, source="computed")
-        for fr, height in zip(froude, heights, strict=True)
-    ]
+    results = []
+    for slide, height in zip(slides, heights, strict=True):
+        quantity = f"{name}, Froude number {slide.impact.froude:.2f}"
+        if np.isnan(slide.by_law):
+            results.append(Result(quantity, "m", height, None, source="computed"))
+        else:
+            results.append(against(quantity, "m", height, slide.by_law, 0.3, HELLER))
     for slide in slides:
         fr = slide.impact.froude
         quantity = "energy of the wave over the kinetic energy of the block at the"
@@ -202,10 +230,13 @@ def _measure_series(
     ]
 
 
-def draw_series(froude: Sequence[float], amplitudes: Sequence[float], label: str, out: Path) -> None:
-    """Plot amplitudes over Froude numbers to the PNG `out`."""
+def draw_series(froude: Sequence[float], amplitudes: np.ndarray, by_law: np.ndarray, label: str, out: Path) -> None:
+    """Plot amplitudes, and those of a law where they are not nan, over Froude numbers to the PNG `out`."""
     figure, (axes,) = new_plots(1)
-    axes.plot(froude, amplitudes, "o-", color=LINE_PALETTE[0], linewidth=1.4)
+    axes.plot(froude, amplitudes, "o-", color=LINE_PALETTE[0], linewidth=1.4, label="computed")
+    if not np.isnan(by_law).any():
+        axes.plot(froude, by_law, "--", color=LINE_PALETTE[1], linewidth=1.4, label=HELLER)
+        axes.legend(frameon=False)
     axes.set(xlabel="Froude number of the impact", ylabel=label)
     axes.set_ylim(bottom=0.0)
     figure.savefig(out, format="png")
