@@ -16,10 +16,10 @@ CACHE_LINE = wp.constant(16)
 #elif !defined(_WIN32)
     extern int give_way(void) __asm__("sched_yield");
 #endif
-    const unsigned met = __atomic_add_fetch(&meetings.data[16 * thread], 1, __ATOMIC_RELEASE);
+    const unsigned met = __atomic_add_fetch(&meetings.data[apart * thread], 1, __ATOMIC_RELEASE);
     for (int other = 0; other < count; ++other) {
         int looked = 0;
-        while ((int)((unsigned)__atomic_load_n(&meetings.data[16 * other], __ATOMIC_ACQUIRE) - met) < 0) {
+        while ((int)((unsigned)__atomic_load_n(&meetings.data[apart * other], __ATOMIC_ACQUIRE) - met) < 0) {
 #if !defined(_WIN32)
             if (++looked > 2000) give_way();
 #endif
@@ -31,8 +31,8 @@ CACHE_LINE = wp.constant(16)
 #endif
 """
 )
-def wait_for_all(thread: int, count: int, meetings: wp.array[int]):
-    """Count a meeting of `thread`, and wait until all `count` threads have come to it.
+def wait_for_all(thread: int, count: int, apart: int, meetings: wp.array[int]):
+    """Count a meeting of `thread`, and wait until all `count` threads have come to it; counters are `apart`.
 
     What each of them wrote before is seen by all of them after.
     """
@@ -43,4 +43,4 @@ def wait_for_all(thread: int, count: int, meetings: wp.array[int]):
 def meet(first: int, count: int, meetings_inout: wp.array[int]):
     """Wait for all of `count` threads; `meetings_inout` counts those of each, CACHE_LINE apart. Each is a launch."""
     i = first + wp.tid()
-    wait_for_all(i, count, meetings_inout)
+    wait_for_all(i, count, CACHE_LINE, meetings_inout)

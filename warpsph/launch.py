@@ -117,8 +117,8 @@ class Team:
         for part in pending:
             part.result()
 
-    def capture(self, body: Callable[[], None], running: wp.array) -> Callable[[], None]:
-        """What `body` launches as a graph for each thread; whatever is interrupted clears `running`."""
+    def capture(self, body: Callable[[], None], running: wp.array | None = None) -> Callable[[], None]:
+        """What `body` launches as a graph for each thread; a loop that is interrupted clears `running`."""
         graphs = []
         with CAPTURE:
             for thread in range(self._size):
@@ -131,11 +131,12 @@ class Team:
                 graphs.append(partial(wp.capture_launch, capture.graph))
         return partial(self._replay, graphs, running)
 
-    def _replay(self, graphs: Sequence[Callable[[], None]], running: wp.array) -> None:
+    def _replay(self, graphs: Sequence[Callable[[], None]], running: wp.array | None) -> None:
         try:
             self.run(graphs)
         except BaseException:  # from the keyboard, perhaps before this thread's part: let the others go
-            running.zero_()
+            if running is not None:
+                running.zero_()
             self._meetings[:1].fill_(1 << 30)
             if self._pool:
                 self._pool.shutdown()
@@ -213,7 +214,7 @@ class Launcher:
     def sequence(self, launches: Sequence["Launch"]) -> Callable[[], None]:
         """A callable that runs launches one after the other, handed to the device as a whole where that can be."""
         body = partial(_run_all, launches)
-        return self._team.capture(body, wp.zeros(1, dtype=int, device=self.device)) if self.can_loop else body
+        return self._team.capture(body) if self.can_loop else body
 
     def packed(self, array: wp.array) -> wp.array:
         """Quadruples as the pair loops of this device read them: vectors on a GPU, pairs of floats on a CPU."""
