@@ -87,11 +87,12 @@ def slide_of(run: Run) -> Slide | None:
     # The crest comes back after twice the way to the end of the flume: look from half of that on.
     back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
     wave = last.kinetic + last.potential
-    by_law, slope = np.nan, abs(scene.bodies[0].angle)
+    by_law, slope = np.nan, -scene.bodies[0].angle  # it lies on the ramp, which goes down along x
     if slope >= LEAST_SLOPE:
+        across = np.array([np.sin(np.radians(slope)), np.cos(np.radians(slope))])
         product = impulse_product(
             froude=impact.froude,
-            thickness=float(np.ptp(corners[:, 1])),
+            thickness=float(np.ptp(corners @ across)),
             mass=body.mass.mass,
             depth=depth,
             slope=slope,
