@@ -167,7 +167,9 @@ def test_points_reach_into_a_right_angle(make_scene):
     scene = make_scene(POND)
     (crate, _) = place(scene).solids
     surface, back = crate.body.surface, 0.95 * 0.02
-    assert np.sum(np.linalg.norm(surface.normals, axis=1) == 0.0) == 4 * math.ceil((math.sqrt(2.0) - 1.0) * back / 0.01)
+    assert np.sum(np.linalg.norm(surface.normals, axis=1) == 0.0) == 4 * math.ceil(
+        (math.sqrt(2.0) - 1.0) * back / scene.wall_spacing
+    )
     gaps = np.linalg.norm(crate.samples[:, None] - surface.points, axis=2).min(axis=1)
     assert gaps.max() < math.hypot(back, 0.5 * scene.wall_spacing)  # between two points of a face
 
