@@ -10,7 +10,7 @@ import warp as wp
 
 from .corrections import renormalisation_of_a_body
 from .density import BY_GRADIENT, DENSITY_DIFFUSION
-from .momentum import tensile
+from .momentum import TENSILE
 from .neighbours import CellGrid, cell_number, row_offset
 from .parameters import Parameters
 from .smoothing import SMOOTHING
@@ -36,7 +36,8 @@ class Formulas:
 
     Attributes:
         smoothing, viscosity, diffusion: Names in SMOOTHING, VISCOSITY and DENSITY_DIFFUSION.
-        tensile_correction, xsph: Whether these are in.
+        tensile_correction: A key of TENSILE.
+        xsph: Whether it is in.
         renormalised: Whether the divergence of continuity is made exact for linear velocities.
         fluid_count: How many fluids there are; 0 stands for any number.
         dimensions: Of space; in a plane nothing is done about y.
@@ -46,7 +47,7 @@ class Formulas:
     smoothing: str = "wendland_c2"
     viscosity: str = "signal"
     diffusion: str = "none"
-    tensile_correction: bool = False
+    tensile_correction: bool | str = False
     xsph: bool = False
     renormalised: bool = False
     fluid_count: int = 0
@@ -196,6 +197,7 @@ def rates_kernel(
     """
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
     viscous, psi = VISCOSITY[formulas.viscosity], DENSITY_DIFFUSION[formulas.diffusion]
+    tensile = TENSILE[formulas.tensile_correction]
     load, packed = layout.load[formulas.dimensions], layout.packed
     its_fluid = same_fluid if formulas.fluid_count == 1 else fluid_of
     number_of = NUMBER_OF.get(formulas.fluid_count, looked_up)
@@ -206,7 +208,7 @@ def rates_kernel(
     plain = continuity and not formulas.renormalised
     renormalised = continuity and formulas.renormalised
     renormalised_in_space = renormalised and formulas.dimensions == 3
-    xsph, tensioned = continuity and formulas.xsph, momentum and formulas.tensile_correction
+    xsph, tensioned = continuity and formulas.xsph, momentum and bool(formulas.tensile_correction)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(one_by_one, neighbours))
     def rates(

@@ -143,8 +143,10 @@ def test_place_angle_mass_and_points(make_scene):
     off = 0.05 * np.array([-math.sin(math.radians(30.0)), 0.0, math.cos(math.radians(30.0))])
     np.testing.assert_allclose(mass.centre - off, [0.4, 0.0, 0.5], atol=1e-12)
     # The points that push stand back from what is drawn.
-    assert crate.contains(crate.body.surface.points).all()
-    np.testing.assert_allclose(crate.distance(crate.body.surface.points), 0.95 * 0.02, rtol=1e-9)
+    surface = crate.body.surface
+    assert crate.contains(surface.points).all()
+    of_faces = np.linalg.norm(surface.normals, axis=1) > 0.0
+    np.testing.assert_allclose(crate.distance(surface.points[of_faces]), 0.95 * 0.02, rtol=1e-9)
 
 
 def test_points_reach_into_a_sharp_corner(make_scene):
@@ -158,6 +160,18 @@ def test_points_reach_into_a_sharp_corner(make_scene):
     faces = wedge.samples[np.linalg.norm(wedge.samples - [0.65, 0.0, 0.3], axis=1) > back]
     gaps = np.linalg.norm(faces[:, None] - points, axis=2).min(axis=1)
     assert gaps.max() < 1.5 * back
+
+
+def test_points_reach_into_a_right_angle(make_scene):
+    """No place on a box is farther from its points than what they stand back: a row into each of the four corners."""
+    scene = make_scene(POND)
+    (crate, _) = place(scene).solids
+    surface, back = crate.body.surface, 0.95 * 0.02
+    assert np.sum(np.linalg.norm(surface.normals, axis=1) == 0.0) == 4 * math.ceil(
+        (math.sqrt(2.0) - 1.0) * back / scene.wall_spacing
+    )
+    gaps = np.linalg.norm(crate.samples[:, None] - surface.points, axis=2).min(axis=1)
+    assert gaps.max() < math.hypot(back, 0.5 * scene.wall_spacing)  # between two points of a face
 
 
 def test_body_may_lie_on_a_wall(make_scene):

@@ -130,7 +130,11 @@ class Scene(Part):
     )
     density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
     shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
-    tensile_correction: Switch = Field(True, description="Whether to correct the tensile instability [-].")
+    tensile_correction: Literal[True, False, "bounded"] = Field(
+        True,
+        description="Whether to correct the tensile instability [-]; bounded: so far only that no pair in tension is "
+        "pushed apart, for scenes that throw drops.",
+    )
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
     neighbours: Literal["lists", "cells"] = Field(
         "lists", description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory)."

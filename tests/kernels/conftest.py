@@ -134,7 +134,7 @@ class Cloud:
         inputs = [self.position_volume, self.velocity_pressure, self.fluids, *lists]
         return self.run(pressure_gradient_kernel(self.smoothing), inputs, [wp.vec3])[0]
 
-    def acceleration(self, viscosity: str = "signal", tensile_correction: bool = False) -> list[np.ndarray]:
+    def acceleration(self, viscosity: str = "signal", tensile_correction: bool | str = False) -> list[np.ndarray]:
         """By pressure and by dissipation [m/s2], each of shape [n, 3]."""
         return self.rates(continuity=False, viscosity=viscosity, tensile_correction=tensile_correction)[:2]
 
