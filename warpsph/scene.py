@@ -131,7 +131,7 @@ class Scene(Part):
     density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
     shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
     tensile_correction: Literal[True, False, "bounded"] = Field(
-        True,
+        "bounded",
         description="Whether to correct the tensile instability [-]; bounded: so far only that no pair in tension is "
         "pushed apart, for scenes that throw drops.",
     )
