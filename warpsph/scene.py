@@ -20,7 +20,20 @@ import yaml
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from warpsph.scene_bodies import LOCKS, Body
-from warpsph.scene_fields import COLOR, NAME, Name, NotNegative, Part, Point, Positive, Range, Real, Switch, fault
+from warpsph.scene_fields import (
+    COLOR,
+    NAME,
+    Name,
+    NotNegative,
+    Part,
+    Point,
+    Positive,
+    Range,
+    Real,
+    Switch,
+    SwitchOrBounded,
+    fault,
+)
 from warpsph.scene_file import SceneError, SourceMap, apply_override, nearest, read_text, read_yaml, show
 from warpsph.scene_fluids import (
     DensityDiffusion,
@@ -130,10 +143,10 @@ class Scene(Part):
     )
     density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
     shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
-    tensile_correction: Literal[True, False, "bounded"] = Field(
+    tensile_correction: SwitchOrBounded = Field(
         "bounded",
         description="Whether to correct the tensile instability [-]; bounded: so far only that no pair in tension is "
-        "pushed apart, for scenes that throw drops.",
+        "pushed apart.",
     )
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
     neighbours: Literal["lists", "cells"] = Field(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
@@ -48,6 +48,10 @@ Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
+SwitchOrBounded = Annotated[
+    Annotated[Switch, Tag("<switch>")] | Annotated[Literal["bounded"], Tag("<name>")],
+    Discriminator(lambda value: "<name>" if isinstance(value, str) else "<switch>"),
+]
 Name = Annotated[str, Field(pattern=NAME)]
 Pair = Annotated[tuple[Real, Real], BeforeValidator(_numbers("two numbers [a, b]", 2))]
 Triple = Annotated[tuple[Real, Real, Real], BeforeValidator(_numbers("three numbers [x, y, z]", 3))]
