@@ -14,6 +14,13 @@ def tensile_strength(p: float) -> float:
 
 
 @wp.func
+def nearness(parameters: Parameters, shape: float) -> float:
+    """(W_ij / W(dx))^4."""
+    f = shape * parameters.inverse_shape_dx
+    return f * f * f * f
+
+
+@wp.func
 def no_tensile(parameters: Parameters, p_i: float, p_j: float, shape: float) -> float:
     """No correction."""
     return 0.0
@@ -22,8 +29,7 @@ def no_tensile(parameters: Parameters, p_i: float, p_j: float, shape: float) -> 
 @wp.func
 def tensile(parameters: Parameters, p_i: float, p_j: float, shape: float) -> float:
     """rho_i rho_j R_ij = (e_i |p_i| + e_j |p_j|) (W_ij / W(dx))^4: Vasco (2014) eq 67, Monaghan (2000)."""
-    f = shape * parameters.inverse_shape_dx
-    return (tensile_strength(p_i) + tensile_strength(p_j)) * f * f * f * f
+    return (tensile_strength(p_i) + tensile_strength(p_j)) * nearness(parameters, shape)
 
 
 # (W_ij / W(dx))^4 at which e = 0.2 takes the whole tension of a pair away.
@@ -38,8 +44,7 @@ def bounded_tensile(parameters: Parameters, p_i: float, p_j: float, shape: float
     as strong. It is no energy's, and feeds itself: particles pushed apart are less dense, in more tension, and pushed
     the harder. In water those around hold them; a drop of a few particles swings more and more until it bursts.
     """
-    f = shape * parameters.inverse_shape_dx
-    return (tensile_strength(p_i) + tensile_strength(p_j)) * wp.min(f * f * f * f, MOST_TENSILE)
+    return (tensile_strength(p_i) + tensile_strength(p_j)) * wp.min(nearness(parameters, shape), MOST_TENSILE)
 
 
 # By what a scene says of it.

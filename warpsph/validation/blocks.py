@@ -87,19 +87,9 @@ def slide_of(run: Run) -> Slide | None:
     # The crest comes back after twice the way to the end of the flume: look from half of that on.
     back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
     wave = last.kinetic + last.potential
-    by_law, slope = np.nan, -scene.bodies[0].angle  # it lies on the ramp, which goes down along x
-    if slope >= LEAST_SLOPE:
-        across = np.array([np.sin(np.radians(slope)), np.cos(np.radians(slope))])
-        product = impulse_product(
-            froude=impact.froude,
-            thickness=float(np.ptp(corners @ across)),
-            mass=body.mass.mass,
-            depth=depth,
-            slope=slope,
-            density=density,
-        )
-        # The foot of the ramp is at x = 0; gauges count from where its still water line is.
-        by_law = impulse_wave(product, depth=depth, distance=far.x + depth / np.tan(np.radians(slope)))
+    # The block lies on the ramp, which goes down along x to a foot at x = 0.
+    slide = {"mass": body.mass.mass, "slope": -scene.bodies[0].angle, "density": density}
+    by_law = amplitude_by_law(impact.froude, corners, depth=depth, gauge=far.x, **slide)
     reflected = find_crest(time[back], np.append(level[0], level[back][1:]))[0] if back.sum() > 5 else np.nan
     return Slide(
         impact,
@@ -117,6 +107,21 @@ def slide_of(run: Run) -> Slide | None:
         int(simulation.bodies.holds(simulation.state.snapshot().position).sum()),
         float(np.linalg.norm(walls - centre, axis=1).min()),
     )
+
+
+def amplitude_by_law(
+    froude: float, corners: np.ndarray, *, mass: float, slope: float, density: float, depth: float, gauge: float
+) -> float:
+    """`impulse_wave` [m] at x = `gauge` [m] of a block with `corners` [m], shape [n, 2], on a ramp with its foot at 0.
+
+    nan on a `slope` [degrees] that is too gentle for the law. Distances count from where the ramp meets still water.
+    """
+    if slope < LEAST_SLOPE:
+        return np.nan
+    ramp = np.radians(slope)
+    thickness = float(np.ptp(corners @ [np.sin(ramp), np.cos(ramp)]))
+    product = impulse_product(froude=froude, thickness=thickness, mass=mass, depth=depth, slope=slope, density=density)
+    return impulse_wave(product, depth=depth, distance=gauge + depth / np.tan(ramp))
 
 
 def measure_block_maciel(run: Run) -> list[Result]:
