@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from warpsph.checkpoint import read_checkpoint
-from warpsph.scene import Scene, load_scene
+from warpsph.output.checkpoint import read_checkpoint
+from warpsph.scene.scene import Scene, load_scene
 from warpsph.simulation import Simulation
 
 wp.config.log_level = wp.LOG_WARNING  # no line for each module loaded

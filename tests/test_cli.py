@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from warpsph.cli import BLOWN_UP, INPUT, OK, SCENES, main
-from warpsph.records import read_record
-from warpsph.scene import load_scene
-from warpsph.usd_check import check_cache
+from warpsph.output.records import read_record
+from warpsph.output.usd_check import check_cache
+from warpsph.scene.scene import load_scene
 
 # A landslide that takes a second: a fifth of the resolution, a twentieth of the time.
 COARSE = ["--set", "spacing=0.025", "--set", "warm_up.duration=0.02", "--until", "0.1"]

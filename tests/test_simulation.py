@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.geometry import place
+from warpsph.device.launch import DeviceError, Launcher
 from warpsph.kernels.density import DENSITY_DIFFUSION
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.viscosity import VISCOSITY
-from warpsph.launch import DeviceError, Launcher
+from warpsph.placement.place import place
 from warpsph.simulation import BlowUpError, Simulation, forecast
 
 # Relative; what is read back is in single precision.

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from warpsph.checkpoint import CheckpointError
-from warpsph.launch import DeviceError
-from warpsph.scene import Scene, SceneError, json_schema, load_scene
+from warpsph.device.launch import DeviceError
+from warpsph.output.checkpoint import CheckpointError
+from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
 
 OK, INVALID, INPUT, BLOWN_UP, MACHINE = 0, 1, 2, 3, 4
 
@@ -197,7 +197,7 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from warpsph.launch import Launcher
+    from warpsph.device.launch import Launcher
     from warpsph.simulation import forecast
 
     scene = _load(options)
@@ -252,7 +252,7 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from warpsph.report import write_report
+    from warpsph.output.report import write_report
 
     if not (options.run / "run.json").exists():
         raise _InputError(f"{options.run}: not a finished run (it has no run.json)")

@@ -5,18 +5,18 @@ import math
 import numpy as np
 import warp as wp
 
-from warpsph.cells import Cells, cell_grid
-from warpsph.geometry import Placement
-from warpsph.images import Edge, Image, find_images, image_struct
+from warpsph.device.cells import Cells, cell_grid
+from warpsph.device.launch import Launcher
 from warpsph.kernels.neighbours import BLOCK_EDGE, CellGrid, mark_walls
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.walls import BY_LEG
-from warpsph.launch import Launcher
+from warpsph.placement.images import Edge, Image, find_images, image_struct
+from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
-from warpsph.scene import Scene
-from warpsph.scene_fluids import Material
+from warpsph.scene.fluids import Material
+from warpsph.scene.scene import Scene
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.

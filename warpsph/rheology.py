@@ -10,8 +10,8 @@ import warp as wp
 from warpsph.kernels.laminar import VISCOUS_COURANT
 from warpsph.kernels.rheology import Rheology
 from warpsph.kernels.viscosity import artificial_share
-from warpsph.scene import Scene
-from warpsph.scene_fluids import MOST_STAGES, Laminar
+from warpsph.scene.fluids import MOST_STAGES, Laminar
+from warpsph.scene.scene import Scene
 
 # Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.
 MARGIN = 0.9

@@ -15,15 +15,15 @@ import numpy as np
 import warp as wp
 
 import warpsph
-from warpsph.checkpoint import read_checkpoint, write_checkpoint
-from warpsph.coupling import columns as body_columns
-from warpsph.energy import drift_and_converted
-from warpsph.impact import celerity, find_impact, find_wave
-from warpsph.outputs import Outputs
-from warpsph.progress import Progress
-from warpsph.records import Record, find_crest, read_record
-from warpsph.scene import Scene
+from warpsph.measure.energy import drift_and_converted
+from warpsph.measure.waves import celerity, find_impact, find_wave
+from warpsph.output.checkpoint import read_checkpoint, write_checkpoint
+from warpsph.output.progress import Progress
+from warpsph.output.records import Record, find_crest, read_record
+from warpsph.output.writers import Outputs
+from warpsph.scene.scene import Scene
 from warpsph.simulation import BlowUpError, Simulation
+from warpsph.step.bodies import columns as body_columns
 
 log = logging.getLogger("warpsph")
 

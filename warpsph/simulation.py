@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpsph.coupling import Coupling
-from warpsph.energy import Energy
-from warpsph.gauges import Gauges
-from warpsph.geometry import Placement, place
+from warpsph.device.launch import Launcher
 from warpsph.kernels import integrators
-from warpsph.launch import Launcher
+from warpsph.measure.energy import Energy
+from warpsph.measure.gauges import Gauges
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
-from warpsph.neighbours import Neighbours
+from warpsph.placement.place import Placement, place
 from warpsph.rheology import kinematic_viscosities
-from warpsph.scene import Scene, SceneError
+from warpsph.scene.scene import Scene, SceneError
 from warpsph.state import State
-from warpsph.step import Step
-from warpsph.viscosity import Viscosity
+from warpsph.step.bodies import Coupling
+from warpsph.step.neighbours import Neighbours
+from warpsph.step.step import Step
+from warpsph.step.viscosity import Viscosity
 
 _FAULTS = {
     int(integrators.NOT_FINITE): "its position, velocity or density is not a finite number",

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warpsph.images import folded
 from warpsph.kernels.density import BY_GRADIENT
 from warpsph.model import Model
+from warpsph.placement.images import folded
 
 # Particles whose sums and extremes one thread collects; a fixed number, so that sums do not depend on the threads.
 BLOCK_SIZE = 256

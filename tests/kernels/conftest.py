@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.bodies import BodySet, ContactLeg, ContactPoints, rotation
+from warpsph.bodies.body import Body
+from warpsph.bodies.body_set import BodySet, ContactLeg, ContactPoints, rotation
+from warpsph.device.launch import Launcher
 from warpsph.kernels.density import pressure_gradient_kernel
 from warpsph.kernels.neighbours import CellGrid
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, rates_kernel
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.launch import Launcher
-from warpsph.mesh import Mesh
-from warpsph.rigid import Body
+from warpsph.shapes.mesh import Mesh
 
 # Two fluids, as unlike as water and rock.
 REST_DENSITY = np.array([1000.0, 2530.0])  # [kg/m3]

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.bodies import BodySet, rotation
-from warpsph.launch import Launcher
-from warpsph.mesh import box_mesh, solid_mass, surface_of_mesh
-from warpsph.motion import Motion, Table
-from warpsph.rigid import (
+from warpsph.bodies.body import (
     PLANE_SHIFT,
     PLANE_TURN,
     Body,
@@ -19,6 +15,10 @@ from warpsph.rigid import (
     plane_mass,
     surface_of_outline,
 )
+from warpsph.bodies.body_set import BodySet, rotation
+from warpsph.bodies.motion import Motion, Table
+from warpsph.device.launch import Launcher
+from warpsph.shapes.mesh import box_mesh, solid_mass, surface_of_mesh
 
 # Double precision over 1e4 steps: relative drift of what the integrator keeps exactly.
 TOLERANCE = 1e-10

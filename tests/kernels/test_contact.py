@@ -6,9 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from warpsph.bodies import contact_depth, contact_legs, contact_points
-from warpsph.outline import Bend, Line, Outline
-from warpsph.rigid import (
+from warpsph.bodies.body import (
     PLANE_SHIFT,
     PLANE_TURN,
     Body,
@@ -18,6 +16,8 @@ from warpsph.rigid import (
     surface_of_outline,
     turned,
 )
+from warpsph.bodies.body_set import contact_depth, contact_legs, contact_points
+from warpsph.shapes.outline import Bend, Line, Outline
 
 # What the issue asks of contact: relative.
 TOLERANCE = 0.01

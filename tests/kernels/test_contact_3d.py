@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from warpsph.bodies import contact_depth, contact_legs, corners_at, edges_at, facet_legs, joined, rotation
-from warpsph.facets import crate_facets, facets, sheet_edges
-from warpsph.mesh import Mesh, box_mesh, solid_mass, solid_mesh, sphere_mesh, surface_of_mesh, winding_number
-from warpsph.outline import Line, Outline
-from warpsph.rigid import Body
-from warpsph.surface import Crate, Sheet
+from warpsph.bodies.body import Body
+from warpsph.bodies.body_set import contact_depth, contact_legs, corners_at, edges_at, facet_legs, joined, rotation
+from warpsph.bodies.facets import crate_facets, facets, sheet_edges
+from warpsph.shapes.mesh import Mesh, box_mesh, solid_mass, solid_mesh, sphere_mesh, surface_of_mesh, winding_number
+from warpsph.shapes.outline import Line, Outline
+from warpsph.shapes.surface import Crate, Sheet
 
 # What the issue asks of contact: relative.
 TOLERANCE = 0.01

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.cells import Cells, cell_grid
+from warpsph.device.cells import Cells, cell_grid
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 

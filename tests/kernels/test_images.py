@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.images import find_images, image_struct
 from warpsph.kernels.images import Images, velocity_beyond
+from warpsph.placement.images import find_images, image_struct
 
 # Single precision.
 TOLERANCE = 1e-6

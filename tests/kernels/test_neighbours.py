@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warpsph.geometry import place
+from warpsph.device.launch import Launcher
 from warpsph.kernels import neighbours as kernels
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.launch import Launcher
 from warpsph.model import SKIN, Model
-from warpsph.neighbours import Neighbours
+from warpsph.placement.place import place
 from warpsph.state import State
+from warpsph.step.neighbours import Neighbours
 
 # A pair whose distance is within this of the list's radius, relatively, may be on the list or not: rounding decides.
 TOLERANCE = 1e-6

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.device.launch import Launcher
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, Rheology, apparent_viscosity_kernel
-from warpsph.launch import Launcher
 
 # Single precision; a power of a number far from 1 loses a digit. Relative.
 TOLERANCE = 5e-6

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.device.launch import Launcher
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.launch import Launcher
 
 # Shapes are of order 1 and evaluated in single precision, to about 1e-7; quadrature is exact beyond that.
 TOLERANCE = 2e-6

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.device.launch import Launcher
 from warpsph.kernels.state_equation import density_of, internal_energy, pressure
-from warpsph.launch import Launcher
 
 # Pressure leaves the kernel in single precision; what comes before is in double.
 TOLERANCE = 1e-6

@@ -5,14 +5,14 @@ import math
 import sys
 import time
 
+import bandwidth as bench_bandwidth
 import bench
-import bench_bandwidth
-import bench_cases
-import bench_noise
-import bench_peer
-import bench_stages
+import cases as bench_cases
+import noise as bench_noise
 import numpy as np
+import peer as bench_peer
 import pytest
+import stages as bench_stages
 
 NO_WALLS = np.empty((0, 3))
 DX = 0.01  # [m]

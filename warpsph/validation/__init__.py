@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from warpsph.run import DONE, Run
-from warpsph.scene import load_scene
+from warpsph.scene.scene import load_scene
 from warpsph.validation.blocks import (
     measure_block_maciel,
     measure_block_mki,

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from warpsph.impact import Impact, Wave, celerity, find_impact, find_wave
-from warpsph.preview import LINE_PALETTE, new_plots
-from warpsph.records import find_crest, read_record
+from warpsph.measure.waves import Impact, Wave, celerity, find_impact, find_wave
+from warpsph.output.frames import LINE_PALETTE, new_plots
+from warpsph.output.records import find_crest, read_record
 from warpsph.run import Run
-from warpsph.validation.analytic import impulse_product, impulse_wave, solitary_celerity, solitary_energy
+from warpsph.theory.analytic import impulse_product, impulse_wave, solitary_celerity, solitary_energy
 from warpsph.validation.result import Result, against, at_most
 
 MACIEL = "Maciel & Nascimento (2002) in Vasco (2014) 7.2.5.2"

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from warpsph.geometry import behind_walls
-from warpsph.records import read_record
+from warpsph.output.records import read_record
+from warpsph.placement.place import behind_walls
 from warpsph.run import Run
 from warpsph.simulation import Simulation
-from warpsph.validation.analytic import floating_draft, heave_in_tank, highest
+from warpsph.theory.analytic import floating_draft, heave_in_tank, highest
 from warpsph.validation.result import Result, against, at_most
 
 

@@ -4,9 +4,9 @@ import csv
 import math
 from pathlib import Path
 
-from warpsph.energy import drift_and_converted
-from warpsph.geometry import behind_walls
-from warpsph.records import find_crest, find_front, read_record
+from warpsph.measure.energy import drift_and_converted
+from warpsph.output.records import find_crest, find_front, read_record
+from warpsph.placement.place import behind_walls
 from warpsph.run import Run
 from warpsph.validation.result import Result, against, at_most
 

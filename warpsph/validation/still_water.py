@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from warpsph.geometry import behind_walls
-from warpsph.records import read_record
+from warpsph.output.records import read_record
+from warpsph.placement.place import behind_walls
 from warpsph.run import Run
 from warpsph.validation.result import Result, against, at_most
 

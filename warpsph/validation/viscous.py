@@ -11,11 +11,11 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.corrections import density_filter_kernel
-from warpsph.preview import LINE_PALETTE, new_plots
-from warpsph.records import read_record
+from warpsph.output.frames import LINE_PALETTE, new_plots
+from warpsph.output.records import read_record
 from warpsph.run import Run
-from warpsph.validation import analytic
-from warpsph.validation.long_wave import long_wave_fronts
+from warpsph.theory import analytic
+from warpsph.theory.long_wave import long_wave_fronts
 from warpsph.validation.result import Result, against, at_most
 
 # Particles along the channels, which are periodic there.

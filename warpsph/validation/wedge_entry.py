@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from warpsph.records import read_record
+from warpsph.output.records import read_record
 from warpsph.run import Run
-from warpsph.validation.analytic import logvinovich_force, wagner_force, wagner_half_width
+from warpsph.theory.analytic import logvinovich_force, wagner_force, wagner_half_width
 from warpsph.validation.result import Result, against, at_most
 
 KOROBKIN = "Korobkin (2004)"

@@ -1,0 +1,1 @@
+"""Rigid bodies before they touch water: mass and inertia, prescribed motions, contact."""

@@ -1,0 +1,215 @@
+"""Solids and walls in space as contact sees them: flat faces, the edges at which these bulge, and corners.
+
+Everything here happens once, on the host. Points are [x, y, z].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpsph.bodies.body import reversed_outline
+from warpsph.shapes.mesh import along_curve
+from warpsph.shapes.outline import Array, Bend, Line
+from warpsph.shapes.surface import Crate, Sheet
+
+# Neighbouring triangles whose normals differ by less are one flat face [rad].
+FLAT = 1e-3
+# Arcs of walls that bulge have edges across their width, so far apart at most [rad].
+ARC_STEP = math.radians(5.0)
+
+
+@dataclass(frozen=True)
+class Face:
+    """A flat face, of triangles that have three borders each.
+
+    Attributes:
+        normal: Unit vector to the free side, shape [3].
+        along: Any unit vector in the face, shape [3].
+        corners: Of its triangles [m], shape [3 m, 3]; border i starts in corner i.
+        into: From each border into its triangle, unit vectors, shape [3 m, 3].
+        beyond: How far the face counts beyond each border [m], and how fast that shrinks inside, shape [3 m, 2].
+    """
+
+    normal: Array
+    along: Array
+    corners: Array
+    into: Array
+    beyond: Array
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An edge that bulges, or the border of a sheet.
+
+    Attributes:
+        start: [m], shape [3].
+        way: Unit vector to its end, shape [3].
+        length: [m].
+        into: From it into either of its two faces, unit vectors, shape [2, 3]; twice the same at a border.
+    """
+
+    start: Array
+    way: Array
+    length: float
+    into: Array
+
+
+@dataclass(frozen=True)
+class Facets:
+    """What can touch of a surface; `corners` [m], shape [n, 3]."""
+
+    faces: Sequence[Face]
+    edges: Sequence[Edge]
+    corners: Array
+
+
+def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facets:
+    """What can touch of a surface whose triangles are counter-clockwise as seen from its free side.
+
+    It may have borders. Faces that form a hollow reach `depth` [m] into each other. Triangles without area are left
+    out.
+    """
+    doubled = np.cross(*(vertices[triangles[:, k]] - vertices[triangles[:, 0]] for k in (1, 2)))
+    sizes = np.linalg.norm(doubled, axis=1)
+    has_area = sizes > 1e-12 * sizes.max()
+    triangles, normals = triangles[has_area], doubled[has_area] / sizes[has_area, None]
+    corners = vertices[triangles]
+    ways = np.roll(corners, -1, axis=1) - corners
+    lengths = np.linalg.norm(ways, axis=2)
+    ways /= lengths[:, :, None]
+    into = np.cross(normals[:, None], ways)
+    beside = _neighbours(triangles)
+    group = _flat_groups(normals, beside)
+
+    beyond = np.zeros((len(triangles), 3, 2))
+    edges: list[Edge] = []
+    is_corner = np.zeros(len(vertices), dtype=bool)
+    for one, border in np.ndindex(len(triangles), 3):
+        other = beside[one, border]
+        inward = outward = into[one, border]
+        if other >= 0:
+            if group[other] == group[one]:
+                continue
+            outward = into[other, list(beside[other]).index(one)]
+            # How far the other face turns away from this one.
+            turn = math.atan2(-normals[one] @ outward, -inward @ outward)
+            if turn < 0.0:
+                beyond[one, border, 0] = depth
+                continue
+            beyond[one, border, 1] = math.tan(0.5 * turn)
+        is_corner[triangles[one, [border, (border + 1) % 3]]] = True
+        if other < one:
+            pair = np.stack([inward, outward])
+            edges.append(Edge(corners[one, border], ways[one, border], float(lengths[one, border]), pair))
+    members = [np.flatnonzero(group == k) for k in np.unique(group)]
+    faces = [
+        Face(normals[some[0]], ways[some[0], 0], *(a[some].reshape(-1, a.shape[2]) for a in (corners, into, beyond)))
+        for some in members
+    ]
+    bulging = vertices[is_corner]
+    # Neighbours together, for contact to pass over what is far away.
+    size = float(np.ptp(vertices, axis=0).max()) / 64.0
+    if edges:
+        order = np.argsort(
+            along_curve(np.array([e.start + 0.5 * e.length * e.way for e in edges]), size), kind="stable"
+        )
+        edges = [edges[i] for i in order.tolist()]
+        bulging = bulging[np.argsort(along_curve(bulging, size), kind="stable")]
+    return Facets(faces, edges, bulging)
+
+
+def crate_facets(crate: Crate, side: int, depth: float) -> Facets:
+    """Those of a wall that is a box, free on its inner (`side` 1) or outer side (-1); `depth` as of `facets`."""
+    vertices = np.array([[(crate.low, crate.high)[i >> axis & 1][axis] for axis in range(3)] for i in range(8)])
+    triangles = []
+    for axis, end in crate.sides():
+        a, b = (1 << other for other in ((axis + 1) % 3, (axis + 2) % 3))
+        first = end << axis
+        quad = [first, first + a, first + a + b, first + b]  # counter-clockwise as seen from where the axis leads to
+        if (end == 1) == (side > 0):
+            quad.reverse()
+        triangles += [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]
+    return facets(vertices, np.array(triangles), depth)
+
+
+def sheet_edges(sheet: Sheet, side: int) -> Facets:
+    """Edges and corners of a wall that is an outline across a width, free on the left of its way (`side` 1) or right.
+
+    Its faces are the legs of `bodies.contact_legs`. An arc that bulges is a row of edges; the side borders of one that
+    does not are left out.
+    """
+    outline = sheet.outline if side > 0 else reversed_outline(sheet.outline)
+    low, high = sheet.width
+    edges: list[Edge] = []
+    corners: list[Array] = []
+    along_y = np.array([0.0, 1.0, 0.0])
+
+    def across(point: Array, *into: Array) -> None:
+        ends = np.array([[point[0], y, point[1]] for y in (low, high)])
+        faces = np.array([[x, 0.0, z] for x, z in (into if len(into) == 2 else into * 2)])
+        edges.append(Edge(ends[0], along_y, high - low, faces))
+        corners.extend(ends)
+
+    def beside(start: Array, end: Array) -> None:
+        way = np.array([end[0] - start[0], 0.0, end[1] - start[1]])
+        length = float(np.linalg.norm(way))
+        for y, inward in ((low, along_y), (high, -along_y)):
+            edges.append(Edge(np.array([start[0], y, start[1]]), way / length, length, np.stack([inward, inward])))
+
+    legs, count = outline.legs, len(outline.legs)
+    for i, leg in enumerate(legs):
+        stops = np.array([0.0, 1.0])
+        if isinstance(leg, Bend):
+            stops = np.linspace(0.0, 1.0, max(1, math.ceil(abs(leg.turn) / ARC_STEP)) + 1)
+        points, normals = leg.points(stops), leg.normals(stops)
+        tangents = np.stack([normals[:, 1], -normals[:, 0]], axis=1)
+        if isinstance(leg, Line) or leg.turn < 0.0:
+            for start, end in pairwise(points):
+                beside(start, end)
+            for point, tangent in zip(points[1:-1], tangents[1:-1], strict=True):
+                across(point, -tangent, tangent)
+        if i == 0 and not outline.closed:
+            across(points[0], tangents[0])
+        if i == count - 1 and not outline.closed:
+            across(points[-1], -tangents[-1])
+            continue
+        after = legs[(i + 1) % count].normals(np.zeros(1))[0]
+        is_bulging = normals[-1, 0] * after[1] - normals[-1, 1] * after[0] < -1e-6
+        if is_bulging or (isinstance(leg, Bend) and leg.turn < 0.0):
+            across(points[-1], -tangents[-1], np.array([after[1], -after[0]]))
+    return Facets([], edges, np.array(corners).reshape(-1, 3))
+
+
+def _neighbours(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The triangle on the other side of each border, shape [m, 3]; -1 where there is none."""
+    beside = np.full((len(triangles), 3), -1)
+    owner: dict[tuple[int, int], tuple[int, int]] = {}
+    for one, triangle in enumerate(triangles.tolist()):
+        for border in range(3):
+            owner[triangle[border], triangle[(border + 1) % 3]] = one, border
+    for (a, b), (one, border) in owner.items():
+        if (b, a) in owner:
+            beside[one, border] = owner[b, a][0]
+    return beside
+
+
+def _flat_groups(normals: Array, beside: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The number of the flat face of each triangle, shape [m]: spread from one triangle to its neighbours."""
+    group = np.full(len(normals), -1)
+    for seed in range(len(normals)):
+        if group[seed] >= 0:
+            continue
+        group[seed] = seed
+        waiting = [seed]
+        while waiting:
+            for other in beside[waiting.pop()].tolist():
+                if other >= 0 and group[other] < 0 and normals[other] @ normals[seed] > math.cos(FLAT):
+                    group[other] = seed
+                    waiting.append(other)
+    return group

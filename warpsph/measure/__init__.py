@@ -1,0 +1,1 @@
+"""Numbers read off a state or a record: energy, gauges, waves."""

@@ -1,0 +1,127 @@
+"""What is drawn and cached of a run: PNG frames, an animation, the gauge picture, the USD cache, the report."""
+
+import logging
+import math
+from concurrent.futures import ThreadPoolExecutor
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf
+
+import warpsph
+from warpsph.output.frames import BODY_PALETTE, FrameWriter, animate, fluid_colors, gauge_picture, window_around
+from warpsph.output.report import write_report
+from warpsph.output.usd import DrawnBody, Place, UsdCache
+from warpsph.placement.images import mirror_lines, periods
+from warpsph.placement.place import typical_speed
+from warpsph.scene.scene import Scene
+from warpsph.shapes.surface import wall_surface
+from warpsph.simulation import Simulation
+from warpsph.state import Snapshot
+
+log = logging.getLogger("warpsph")
+
+
+class Outputs:
+    """Pictures and cache of one run folder."""
+
+    def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
+        """`resume_at` is the first frame that is yet to come when a run goes on; None for a new run."""
+        self._scene, self._simulation, self._folder = scene, simulation, folder
+        colors = {name: material.color for name, material in scene.materials.items()}
+        fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
+        walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
+        bodies = {
+            body.name: DrawnBody(*solid.corners(), body.color or color)
+            for body, solid, color in zip(scene.bodies, simulation.placement.solids, cycle(BODY_PALETTE), strict=False)
+        }
+        everything = np.concatenate([simulation.placement.position, simulation.placement.wall_position])
+        drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
+        mirrors = mirror_lines(scene, everything.min(axis=0), everything.max(axis=0))
+        crossings = periods(scene)
+        self._frame = resume_at or 0
+        self._writer, self._writing = ThreadPoolExecutor(1), None
+        self._pictures: FrameWriter | None = None
+        self._cache: UsdCache | None = None
+        if scene.output.pictures:
+            particles = simulation.placement.position[:, ::2]
+            view = scene.output.view
+            lines = [*(line for wall in walls.values() for line in wall.lines()), *mirrors.values()]
+            seen = [particles, *lines, *(solid.samples[:, ::2] for solid in simulation.placement.solids)]
+            self._pictures = FrameWriter(
+                folder / "preview",
+                title=scene.title,
+                fluids=fluids,
+                walls=lines,
+                bodies=list(bodies.values()),
+                spacing=scene.spacing,
+                window=(view.x, view.z) if view else window_around(np.concatenate(seen), scene.spacing),
+                speed_scale=scene.output.speed_scale or _round(typical_speed(scene, simulation.placement)),
+            )
+        if scene.output.usd:
+            self._cache = UsdCache(
+                folder / "usd",
+                fluids=fluids,
+                walls=drawn | mirrors,
+                bodies=bodies,
+                spacing=scene.spacing,
+                frames_per_second=scene.output.frames_per_second,
+                provenance={
+                    **{"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
+                    # Across these a particle may turn up on the other side from one frame to the next.
+                    **({"periods": {name: Gf.Vec3d(*by) for name, by in crossings.items()}} if crossings else {}),
+                },
+                resume_at=resume_at,
+                rheology=bool(simulation.model.viscous and simulation.model.viscous.law),
+            )
+
+    def write_frame(self) -> None:
+        """Take the fluid as it is now; a thread of its own draws and caches it while the steps go on.
+
+        What went wrong with the frame before, a full disk for one, is raised here.
+        """
+        if self._pictures is None and self._cache is None:
+            return
+        snapshot = self._simulation.state.snapshot()
+        places = self._simulation.bodies.places() if self._simulation.bodies else []
+        self.wait()
+        self._writing = self._writer.submit(self._write, self._frame, snapshot, places)
+        self._frame += 1
+
+    def wait(self) -> None:
+        """Return when every frame is on the disk."""
+        if self._writing is not None:
+            self._writing.result()
+
+    def _write(self, frame: int, snapshot: Snapshot, places: list[Place]) -> None:
+        if self._pictures is not None:
+            self._pictures.write(frame, snapshot, places)
+        if self._cache is not None:
+            self._cache.write(snapshot, places)
+
+    def finish(self) -> None:
+        """Draw the gauge record, and begin the animation: it is made beside the report, `report` waits for it."""
+        self.wait()
+        preview, scene = self._folder / "preview", self._scene
+        if self._pictures is not None and self._frame:
+            fps = scene.output.frames_per_second
+            self._writing = self._writer.submit(animate, preview, preview / "animation", fps)
+        if scene.output.pictures and scene.gauges:
+            gauge_picture(
+                [self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png"
+            )
+
+    def report(self) -> None:
+        """Write the HTML page; needs run.json. Returns when all is on the disk."""
+        write_report(self._folder)
+        self.wait()
+        self._writer.shutdown()
+
+
+def _round(value: float) -> float:
+    """The nearest of 1, 2, 5 times a power of ten at or above `value`; 1 for nothing."""
+    if value <= 0.0:
+        return 1.0
+    unit = 10.0 ** math.floor(math.log10(value))
+    return next(step * unit for step in (1.0, 2.0, 5.0, 10.0) if step * unit >= value * 0.999)

@@ -1,0 +1,1 @@
+"""From a scene to points: fluids, walls, bodies, images."""

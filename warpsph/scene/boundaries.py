@@ -1,0 +1,152 @@
+"""What bounds the fluid in a scene file: walls and their law of force, mirrors, periodic edges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from warpsph.scene.fields import Name, NotNegative, Part, Point, Positive, Range, Real, Switch, fault
+from warpsph.scene.shapes import Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
+
+Face = Literal["left", "right", "front", "back", "bottom", "top"]
+
+
+class BoxWall(Box):
+    """The faces of a box."""
+
+    open: tuple[Face, ...] | None = Field(None, description="Faces that are missing, in 3-D [-].")
+
+    @model_validator(mode="after")
+    def _has_a_face(self) -> BoxWall:
+        if len(set(self.open or ())) == len(get_args(Face)):
+            raise fault("a box without any face is no wall", "open")
+        return self
+
+
+class Wall(Part):
+    """A solid line, in 3-D a surface, that repels fluid on both of its sides."""
+
+    name: Name = Field(description="Name of the wall [-].")
+    path: Annotated[tuple[PathPoint, ...], Field(min_length=2)] | None = Field(
+        None, description="Polyline through points [x, z] [m] or rounded corners {at, radius}."
+    )
+    closed: Switch = Field(False, description="Whether the path returns to its first point [-].")
+    box: BoxWall | None = Field(None, description="Outline of an upright rectangle, in 3-D the faces of a box [m].")
+    disc: Disc | None = Field(None, description="Outline of a circle [m].")
+    arc: Arc | None = Field(None, description="A part of a circle [m, degrees].")
+    width: Range | None = Field(
+        None, description="In 3-D, from y to y: how far a path, disc or arc reaches across [m]."
+    )
+
+    @model_validator(mode="after")
+    def _is_one_line(self) -> Wall:
+        self._need_one_of("path", "box", "disc", "arc")
+        refuse_width_of_box(self.box, self.width)
+        if self.closed and self.path is None:
+            raise fault("only a path can be told to close", "closed")
+        if self.path is not None:
+            if self.closed and len(self.path) < 3:
+                raise fault("a closed path needs 3 points at least, not 2", "path")
+            for end in () if self.closed else (0, len(self.path) - 1):
+                if isinstance(self.path[end], Corner):
+                    raise fault("the end of an open path is no corner; write it as [x, z]", f"path[{end}]")
+        return self
+
+
+# What suits a law, where it is not what suits `radial`: still water rests where it is drawn.
+_WALL_LAWS: Mapping[str, Mapping[str, float]] = {
+    "lennard_jones": {"set_back": 0.3},
+    "monaghan_kos": {"set_back": 0.8},
+    "monaghan_kos_issa": {"strength": 0.02, "set_back": 1.35},
+}
+
+
+class WallModel(Part):
+    """How walls push fluid away."""
+
+    force: Literal["radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa"] = Field(
+        "radial", description="Law of the wall force [-]; radial is that of Monaghan and Kajtar."
+    )
+    refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
+        3.0, description="Particle spacing over the spacing of wall points, beta [-]."
+    )
+    strength: Positive = Field(
+        0.01, description="Strength of the wall force, K / c0^2 [-]; 0.02 for monaghan_kos_issa when absent."
+    )
+    approach: NotNegative = Field(
+        0.0, description="Part of the speed of approach in the force of monaghan_kos, beta [-]; more than 0 damps."
+    )
+    set_back: NotNegative = Field(
+        0.95,
+        description="How far behind the wall line its points stand, in spacings [-]: still water then rests with its "
+        "first row half a spacing off the line, and the volume between the walls is the volume of the fluid. When "
+        "absent 0.3 for lennard_jones, 0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _suit_the_law(cls, data: Any) -> Any:
+        law = data.get("force") if isinstance(data, dict) else None
+        return _WALL_LAWS[law] | data if isinstance(law, str) and law in _WALL_LAWS else data
+
+    @model_validator(mode="after")
+    def _approach_has_a_law(self) -> WallModel:
+        if self.approach and self.force != "monaghan_kos":
+            raise fault(f"goes with the force monaghan_kos; {self.force} does not know it", "approach")
+        return self
+
+
+class Mirror(Part):
+    """A plane wall, seen as a mirror: the fluid goes on behind it as its own image."""
+
+    point: Point = Field(description="A point of the plane [x, z], in 3-D [x, y, z] [m].")
+    normal: Point = Field(description="Direction across the plane, into the fluid; of any length [-].")
+    velocity_rule: Literal["free_slip", "no_slip_opposite", "no_slip_wall", "takeda"] = Field(
+        "free_slip",
+        description="Velocity of the image that friction sees [-]: mirrored, opposite, that of the wall, or "
+        "extrapolated linearly from the wall.",
+    )
+    velocity: Point | None = Field(None, description="Velocity of the wall, along itself [m/s]; at rest when absent.")
+
+    @model_validator(mode="after")
+    def _slides_along_itself(self) -> Mirror:
+        if not any(self.normal):
+            raise fault("has no direction", "normal")
+        if self.velocity:
+            if len(self.velocity) != len(self.normal):
+                raise fault(f"{len(self.normal)} numbers are needed, as in normal", "velocity")
+            across = sum(u * n for u, n in zip(self.velocity, self.normal, strict=True))
+            if abs(across) > 1e-6 * math.hypot(*self.velocity) * math.hypot(*self.normal):
+                raise fault("must be along the wall; a mirror stays where it is", "velocity")
+            if self.velocity_rule == "free_slip":
+                raise fault("means nothing to a fluid that slips; choose another velocity_rule", "velocity")
+        return self
+
+
+class Periodic(Part):
+    """A pair of parallel plane edges that are the same place: what leaves through one comes in through the other."""
+
+    start: Point = Field(description="A point of one edge [x, z], in 3-D [x, y, z] [m].")
+    end: Point = Field(description="The same point on the other edge, straight across [m].")
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Periodic:
+        if self.start == self.end:
+            raise fault("must not be start", "end")
+        return self
+
+
+class Image(Part):
+    """A mirror or a periodic pair of edges. All fluid lies on its inner side."""
+
+    name: Name = Field(description="Name of the image [-].")
+    mirror: Mirror | None = Field(None, description="A mirror.")
+    periodic: Periodic | None = Field(None, description="A periodic pair instead.")
+
+    @model_validator(mode="after")
+    def _is_one_image(self) -> Image:
+        self._need_one_of("mirror", "periodic")
+        return self

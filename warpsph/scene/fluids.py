@@ -1,0 +1,244 @@
+"""Fluids in a scene file: what they are made of, how their equations are discretised, where they start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from warpsph.scene.fields import COLOR, Name, NotNegative, Part, Point, Positive, Range, Real, Switch, fault
+from warpsph.scene.shapes import Shape
+
+# More stages are not tried: rounding grows with their square.
+MOST_STAGES = 101
+
+
+class Smoothing(Part):
+    """The smoothing kernel."""
+
+    kernel: Literal["wendland_c2", "cubic_spline", "gaussian"] = Field(
+        "wendland_c2", description="Smoothing kernel W [-]."
+    )
+    ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
+        1.5, description="Smoothing length over particle spacing, h/dx [-]."
+    )
+
+
+# What each law needs beside its consistency; the last law holds the others.
+_LAW_NEEDS: Mapping[str, tuple[str, ...]] = {
+    "newtonian": (),
+    "power_law": ("exponent", "viscosity_max"),
+    "bingham": ("yield_stress", "viscosity_max"),
+    "herschel_bulkley": ("exponent", "yield_stress", "viscosity_max"),
+}
+
+
+class Rheology(Part):
+    """How the viscosity of a fluid depends on its rate of shear."""
+
+    law: Literal["newtonian", "power_law", "bingham", "herschel_bulkley"] = Field(
+        description="Shear stress of a rate of shear [-]: tau = yield_stress + consistency rate^exponent, or a part."
+    )
+    consistency: Positive = Field(
+        description="Consistency K [Pa s^exponent]; of newtonian and bingham, a viscosity [Pa s]."
+    )
+    exponent: Positive | None = Field(
+        None, description="Exponent N of power_law and herschel_bulkley [-]: less than 1 thins, more than 1 thickens."
+    )
+    yield_stress: NotNegative | None = Field(
+        None, description="Stress below which bingham and herschel_bulkley do not flow [Pa]."
+    )
+    regularisation: Literal["bi_viscous", "papanastasiou", "cross"] | None = Field(
+        None, description="What keeps the viscosity of a yield stress finite at rest [-]; bi_viscous when absent."
+    )
+    viscosity_max: Positive | None = Field(
+        None, description="Greatest apparent viscosity [Pa s], which stands for that of a plug."
+    )
+
+    @model_validator(mode="after")
+    def _has_what_its_law_needs(self) -> Rheology:
+        needed = _LAW_NEEDS[self.law]
+        for name in ("exponent", "yield_stress", "viscosity_max"):
+            if name in needed and getattr(self, name) is None:
+                why = f"{self.law} needs it"
+                if name == "viscosity_max":
+                    rest = "at rest" if (self.exponent or 0.0) <= 1.0 else "in fast flow"
+                    why = f"without it the viscosity of {self.law} has no limit {rest}"
+                raise fault(f"this field is missing: {why}", name)
+            if name not in needed and getattr(self, name) is not None:
+                laws = [law for law, fields in _LAW_NEEDS.items() if name in fields]
+                raise fault(f"goes with {' and '.join(laws)}, not with {self.law}", name)
+        if self.regularisation and self.yield_stress is None:
+            raise fault(f"goes with a yield stress, which {self.law} has not", "regularisation")
+        if self.law == "bingham" and self.viscosity_max < self.consistency:
+            raise fault(f"must be at least the consistency, {self.consistency:g} Pa s", "viscosity_max")
+        return self
+
+    @property
+    def viscosity_limit(self) -> float:
+        """The greatest viscosity that it can take [Pa s]."""
+        return self.consistency if self.viscosity_max is None else self.viscosity_max
+
+
+class Material(Part):
+    """What a fluid is made of."""
+
+    density: Positive = Field(description="Reference density [kg/m3].")
+    sound_speed: Positive = Field(description="Speed of sound c0 of the state equation [m/s].")
+    state_equation: Literal["tait", "linear"] = Field(
+        "tait", description="Pressure from density [-]: tait (exponent 7) or linear."
+    )
+    alpha: NotNegative = Field(0.025, description="Coefficient of the artificial viscosity [-].")
+    wall_alpha: NotNegative = Field(
+        0.0, description="Coefficient of the artificial viscosity against walls [-]; 0 lets the fluid slip freely."
+    )
+    dynamic_viscosity: NotNegative | None = Field(
+        None, description="Dynamic viscosity mu [Pa s]; only the artificial one when absent."
+    )
+    rheology: Rheology | None = Field(
+        None, description="A viscosity that depends on the rate of shear, instead of dynamic_viscosity."
+    )
+    color: Annotated[str, Field(pattern=COLOR)] | None = Field(
+        None, description='Colour in pictures, as "#rrggbb" [-]; from a palette when absent.'
+    )
+
+    @model_validator(mode="after")
+    def _has_one_viscosity(self) -> Material:
+        if self.rheology and self.dynamic_viscosity is not None:
+            raise fault("the rheology has the viscosity; leave one of the two out", "dynamic_viscosity")
+        return self
+
+    @property
+    def laminar(self) -> Rheology | None:
+        """Its own viscosity as a law; None where it has none."""
+        if self.dynamic_viscosity:
+            return Rheology(law="newtonian", consistency=self.dynamic_viscosity)
+        return self.rheology
+
+
+class Laminar(Part):
+    """How forces come of the materials' own viscosities."""
+
+    form: Literal["morris", "cleary", "stress"] = Field(
+        "morris",
+        description="Force of a pair [-]: morris, cleary (along the line between, so that no torque is left over), or "
+        "stress, the divergence of the stress from velocity gradients.",
+    )
+    mean: Literal["arithmetic", "harmonic"] = Field(
+        "harmonic", description="Viscosity between the two particles of a pair [-]."
+    )
+    weights: Literal["plain", "balanced"] = Field(
+        "plain",
+        description="Weights of pairs [-]: plain, or balanced, which leave a linear flow alone where particles are in "
+        "disorder too, for a sweep more; not with cleary.",
+    )
+    stages: Annotated[int, Field(strict=True, ge=1, le=MOST_STAGES)] | None = Field(
+        None,
+        description="Sweeps of a step for viscosity [-]: 1 is explicit, more allow a longer step; as many as let sound "
+        "alone limit the step when absent.",
+    )
+
+    @model_validator(mode="after")
+    def _can_be_stepped(self) -> Laminar:
+        if self.stages == 2:
+            raise fault("two stages take no longer a step than one; 1, or 3 and more", "stages")
+        if self.weights == "balanced" and self.form == "cleary":
+            raise fault("balanced goes with morris and stress, not with cleary", "weights")
+        return self
+
+
+class DensityDiffusion(Part):
+    """Diffusion of density between particles of one fluid, which keeps the pressure smooth."""
+
+    model: Literal["none", "molteni_colagrossi", "fourtakas", "antuono"] = Field(
+        "fourtakas",
+        description="What is diffused [-]; fourtakas leaves fluid at rest alone, antuono (delta-SPH) any linear "
+        "pressure, for a sweep more.",
+    )
+    delta: NotNegative = Field(0.1, description="Coefficient of the diffusion [-].")
+
+
+class DensityFilter(Part):
+    """Density made anew from that of all around, now and then."""
+
+    model: Literal["none", "shepard", "mls"] = Field(
+        "none",
+        description="How it is interpolated [-]: none leaves it, shepard is exact for constants, mls (moving least "
+        "squares) for linear fields.",
+    )
+    every: Annotated[int, Field(strict=True, gt=0)] = Field(20, description="Steps from one time to the next [-].")
+
+
+class Shifting(Part):
+    """A drift of particles to where there are fewer of them, which keeps them in order."""
+
+    model: Literal["none", "fickian"] = Field(
+        "none",
+        description="How particles drift beside their velocity [-]: none, or fickian, against the gradient of their "
+        "concentration at the pace of the shear rate, and along a free surface only.",
+    )
+    strength: Positive = Field(6.0, description="Coefficient of the drift, A [-].")
+    velocity: Literal["own", "local"] = Field(
+        "own",
+        description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or that of the "
+        "place it drifts to, in materials with a viscosity of their own.",
+    )
+
+
+class Fill(Part):
+    """Fluid at rest below a level and above a wall."""
+
+    level: Real = Field(description="Height of the free surface, z [m].")
+    above: str = Field(description="Name of the wall that carries the fluid [-].")
+    between: Range | None = Field(
+        None, description="Least and largest x of the fill [m]; the extent of the wall when absent."
+    )
+
+
+class Lattice(Part):
+    """The square (in 3-D cubic) lattice that a shape is cut from: particles stand at the centres of its cells."""
+
+    angle: Real = Field(0.0, description="Turn of the lattice in the x-z plane, counter-clockwise [degrees].")
+    origin: Point | None = Field(
+        None,
+        description="A corner of a cell [x, z], in 3-D [x, y, z] [m]; the first corner of the shape when absent.",
+    )
+
+
+class ShearWave(Part):
+    """A start at which layers slide along x past each other: u = speed sin(2 pi z / wavelength)."""
+
+    speed: Real = Field(description="Greatest speed, along x [m/s].")
+    wavelength: Positive = Field(description="Length of the wave, along z [m].")
+
+
+class Fluid(Part):
+    """A body of fluid, from a shape or from a fill."""
+
+    name: Name = Field(description="Name of the fluid [-]; its records are fluids/NAME.csv.")
+    material: str = Field(description="Name of its material [-].")
+    shape: Shape | None = Field(None, description="Outline of the body [m].")
+    fill: Fill | None = Field(None, description="A fill instead of a shape [m].")
+    lattice: Lattice | None = Field(None, description="Lattice that a shape is cut from [m, degrees].")
+    hold: Switch = Field(False, description="Whether it is kept at rest until the release at t = 0 [-].")
+    velocity: Point = Field(
+        (0.0, 0.0), description="Velocity at the start [u, w], in 3-D [u, v, w] [m/s]; at rest when absent."
+    )
+    shear_wave: ShearWave | None = Field(None, description="A wave of the velocity on top; none when absent.")
+    jitter: Annotated[Real, Field(ge=0, le=0.5)] = Field(
+        0.0, description="How far at most particles stand off their lattice at the start, each way, in spacings [-]."
+    )
+    hydrostatic: Switch = Field(
+        True, description="Whether it starts with the density that hydrostatic pressure below its own top gives [-]."
+    )
+    clearance: NotNegative = Field(0.5, description="Least distance from a particle to any wall, in spacings [-].")
+
+    @model_validator(mode="after")
+    def _is_one_body(self) -> Fluid:
+        self._need_one_of("shape", "fill")
+        if self.hold and (any(self.velocity) or self.shear_wave):
+            raise fault("a held fluid starts at rest", "velocity" if any(self.velocity) else "shear_wave")
+        if self.fill is not None and self.lattice is not None:
+            raise fault("goes with a shape; a fill has a lattice of its own", "lattice")
+        return self

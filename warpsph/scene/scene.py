@@ -1,0 +1,443 @@
+"""The scene file: its fields with their units, and plain words for whatever is wrong with them.
+
+A scene is one YAML file. `load_scene` reads it into frozen models, which are also the JSON Schema that an editor
+completes from: the whole below, its parts in `fluids`, `boundaries`, `bodies` and `shapes`. Every mistake
+ends as a `SceneError` whose text is the finished line for the user:
+
+    landslide.yaml:31: fluids[1].material: no material named 'watr'; did you mean 'water'?
+
+SI units throughout, z up, angles in degrees. A point is [x, z], in a 3-D scene [x, y, z].
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from warpsph.scene.bodies import LOCKS, Body
+from warpsph.scene.boundaries import Image, Wall, WallModel
+from warpsph.scene.fields import (
+    COLOR,
+    NAME,
+    Name,
+    NotNegative,
+    Part,
+    Point,
+    Positive,
+    Range,
+    Real,
+    Switch,
+    SwitchOrBounded,
+    fault,
+)
+from warpsph.scene.fluids import (
+    DensityDiffusion,
+    DensityFilter,
+    Fluid,
+    Laminar,
+    Material,
+    Rheology,
+    Shifting,
+    Smoothing,
+)
+from warpsph.scene.shapes import Shape
+from warpsph.scene.source import SceneError, SourceMap, apply_override, nearest, read_text, read_yaml, show
+
+
+class Gauge(Part):
+    """A place where the level of the free surface is recorded."""
+
+    name: Name = Field(description="Name of the gauge [-]; its record is gauges/NAME.csv.")
+    x: Real = Field(description="Where it stands, x [m].")
+    y: Real | None = Field(None, description="Where it stands, y [m]; needed in 3-D.")
+    bottom: Real | None = Field(
+        None, description="Height z at which the search for the surface ends [m]; the lowest wall point when absent."
+    )
+
+
+class WarmUp(Part):
+    """Settling before the release, from t = -duration to t = 0."""
+
+    duration: Positive = Field(description="How long the settling lasts [s].")
+    damping: NotNegative = Field(description="Rate at which velocity is damped meanwhile [1/s].")
+    settling: NotNegative | None = Field(
+        None,
+        description="How long a fill keeps the density of rest while its particles find their places [s]; half the "
+        "duration when absent.",
+    )
+
+    @property
+    def settling_time(self) -> float:
+        """How long a fill keeps the density of rest [s]."""
+        return 0.5 * self.duration if self.settling is None else min(self.settling, self.duration)
+
+
+class Run(Part):
+    """When to stop, and how far a step reaches."""
+
+    end_time: Positive = Field(description="End of the run [s]; t = 0 is the release.")
+    courant: Annotated[Real, Field(gt=0, le=1)] = Field(
+        0.5, description="Courant number: dt = courant h / (c + u) [-]."
+    )
+    integrator: Literal["verlet", "predictor_corrector", "runge_kutta"] = Field(
+        "verlet",
+        description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
+        "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
+    )
+    max_steps: Annotated[int, Field(strict=True, gt=0)] | None = Field(
+        None, description="Greatest number of steps [-]; no limit when absent."
+    )
+
+
+class View(Part):
+    """The window of a picture."""
+
+    x: Range = Field(description="From x to x [m].")
+    z: Range = Field(description="From z to z [m].")
+
+
+class Output(Part):
+    """What is written while the scene runs."""
+
+    frames_per_second: Positive = Field(30.0, description="Pictures and USD frames [1/s].")
+    samples_per_second: Positive = Field(200.0, description="Lines of the records of gauges, energy and fluids [1/s].")
+    pictures: Switch = Field(True, description="Whether to draw PNG frames and an animation [-].")
+    usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
+    checkpoint_every: Positive = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
+    view: View | None = Field(None, description="Window of the pictures [m]; around everything when absent.")
+    speed_scale: Positive | None = Field(
+        None, description="Speed at which the colours of the pictures end [m/s]; a guess from gravity when absent."
+    )
+
+
+class Scene(Part):
+    """A whole scene file."""
+
+    title: str = Field(description="One line for reports [-].")
+    source: str = Field("", description="Where the case comes from [-].")
+    dimensions: Literal[2, 3] = Field(
+        2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane, points of a 3-D one are [x, y, z]."
+    )
+    spacing: Positive = Field(description="Particle spacing dx [m].")
+    gravity: NotNegative = Field(9.81, description="Gravity along -z [m/s2].")
+    body_force: Point | None = Field(
+        None, description="Acceleration of all fluid besides gravity [u, w], in 3-D [u, v, w] [m/s2]; none when absent."
+    )
+    smoothing: Smoothing = Field(Smoothing(), description="The smoothing kernel.")
+    materials: Annotated[dict[Name, Material], Field(min_length=1)] = Field(description="Materials by name.")
+    viscosity: Literal["signal", "monaghan"] = Field(
+        "signal", description="Artificial viscosity [-]: signal (all pairs) or monaghan (approaching pairs only)."
+    )
+    viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
+    laminar: Laminar = Field(Laminar(), description="How forces come of the materials' own viscosities.")
+    density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
+    continuity: Literal["plain", "renormalised"] = Field(
+        "plain",
+        description="Divergence in the rate of density [-]: plain, the partner of the pressure force, or renormalised, "
+        "exact for linear velocities in disorder and at a surface, for which energy is kept less well.",
+    )
+    density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
+    shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
+    tensile_correction: SwitchOrBounded = Field(
+        "bounded",
+        description="Whether to correct the tensile instability [-]; bounded: so far only that no pair in tension is "
+        "pushed apart.",
+    )
+    xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
+    neighbours: Literal["lists", "cells"] = Field(
+        "lists", description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory)."
+    )
+    walls: tuple[Wall, ...] = Field((), description="Walls.")
+    wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
+    images: tuple[Image, ...] = Field((), description="Mirrors and periodic edges.")
+    fluids: Annotated[tuple[Fluid, ...], Field(min_length=1)] = Field(
+        description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
+    )
+    bodies: tuple[Body, ...] = Field((), description="Rigid bodies.")
+    gauges: tuple[Gauge, ...] = Field((), description="Wave gauges.")
+    warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
+    run: Run = Field(description="When to stop, and how far a step reaches.")
+    output: Output = Field(Output(), description="What is written while the scene runs.")
+    allow: tuple[Literal["low_sound_speed"], ...] = Field((), description="Refusals to turn into warnings [-].")
+
+    _source: SourceMap = PrivateAttr(default_factory=SourceMap)
+
+    @property
+    def smoothing_length(self) -> float:
+        """h [m]."""
+        return self.smoothing.ratio * self.spacing
+
+    @property
+    def acceleration(self) -> tuple[float, float, float]:
+        """Gravity and the body force [m/s2], shape [3]."""
+        x, *y, z = self.body_force or (0.0, 0.0)
+        return x, y[0] if y else 0.0, z - self.gravity
+
+    @property
+    def wall_spacing(self) -> float:
+        """Largest distance between neighbouring points of a wall [m]."""
+        return self.spacing / self.wall_model.refinement
+
+    @property
+    def start_time(self) -> float:
+        """Where the clock starts [s]: 0, or minus the length of the warm-up."""
+        return -self.warm_up.duration if self.warm_up else 0.0
+
+    def error(self, path: str, message: str) -> SceneError:
+        """A `SceneError` about the field at `path` (such as `fluids[1].shape`), for the caller to raise."""
+        return self._source.error(path, message)
+
+    def resolved_yaml(self) -> str:
+        """The scene with every default filled in, as YAML that loads back to an equal `Scene`."""
+        data = self.model_dump(mode="json", exclude_none=True)
+        return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rest_in_space(cls, data: Any) -> Any:
+        # Rest is the default, and has as many components as the scene has dimensions.
+        if isinstance(data, dict) and data.get("dimensions") == 3 and isinstance(data.get("fluids"), (list, tuple)):
+            rest = {"velocity": (0.0, 0.0, 0.0)}
+            fluids = [rest | fluid if isinstance(fluid, dict) else fluid for fluid in data["fluids"]]
+            return data | {"fluids": fluids}
+        return data
+
+    @model_validator(mode="after")
+    def _holds_together(self) -> Scene:
+        for path, message in _contradictions(self):
+            raise fault(message, path)
+        return self
+
+
+def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
+    """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
+    if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
+        law = scene.wall_model.force
+        yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
+    if scene.neighbours == "cells" and scene.density_diffusion.model == "antuono":
+        yield "neighbours", "antuono's diffusion of density needs lists"
+    needs = {
+        "images": scene.images,
+        "the materials' own viscosity": any(material.laminar for material in scene.materials.values()),
+        "shifting": scene.shifting.model != "none",
+        "a density_filter": scene.density_filter.model != "none",
+    }
+    for name, is_there in needs.items():
+        if scene.neighbours == "cells" and is_there:
+            yield "neighbours", f"lists are needed for {name}"
+    flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
+    if scene.shifting.velocity == "local" and not any(material.laminar for material in flowing):
+        yield "shifting.velocity", "local needs a fluid with a viscosity of its own"
+    yield from _misplaced(scene)
+    if scene.images:
+        if scene.bodies:
+            yield "bodies", "a scene with images has no bodies: they would not be seen through them"
+        if scene.density_diffusion.model == "antuono":
+            yield "density_diffusion.model", "antuono does not know images; take fourtakas"
+    for kind in ("walls", "images", "fluids", "bodies", "gauges"):
+        seen: dict[str, int] = {}
+        for i, part in enumerate(getattr(scene, kind)):
+            # Records are files named after the part, and some file systems do not tell A from a.
+            first = seen.setdefault(part.name.casefold(), i)
+            if first != i:
+                yield f"{kind}[{i}].name", f"'{part.name}' is the name of {kind}[{first}] already"
+    for i, fluid in enumerate(scene.fluids):
+        if fluid.material not in scene.materials:
+            hint = nearest(fluid.material, scene.materials)
+            yield f"fluids[{i}].material", f"no material named '{fluid.material}'{hint}"
+        if fluid.fill and fluid.fill.above not in (names := [wall.name for wall in scene.walls]):
+            yield f"fluids[{i}].fill.above", f"no wall named '{fluid.fill.above}'{nearest(fluid.fill.above, names)}"
+    kinds = {name: law.regularisation or "bi_viscous" for name, law in _yielding(scene).items()}
+    for name, kind in kinds.items():
+        if kind != (first := next(iter(kinds.values()))):
+            path = f"materials.{name}.rheology.regularisation"
+            yield path, f"one for all materials of a scene is needed, and another one has {first}"
+    for i, body in enumerate(scene.bodies):
+        yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
+    if scene.bodies and scene.run.integrator == "predictor_corrector":
+        yield "run.integrator", "predictor_corrector does not move bodies; take verlet or runge_kutta"
+
+
+def _yielding(scene: Scene) -> dict[str, Rheology]:
+    """The laws with a yield stress, by material."""
+    laws = {name: material.rheology for name, material in scene.materials.items()}
+    return {name: law for name, law in laws.items() if law and law.yield_stress is not None}
+
+
+def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
+    """(path, message) where a body is to move as it cannot."""
+    for i, lock in enumerate(body.locked):
+        if lock not in LOCKS[scene.dimensions]:
+            yield f"locked[{i}]", f"'{lock}' means nothing in a {scene.dimensions}-D scene"
+    shifts = dict(zip("xz" if scene.dimensions == 2 else "xyz", body.velocity or (), strict=False))
+    turns = {"angle": body.spin or 0.0}
+    if scene.dimensions == 3:
+        turns = dict(zip(("turn_x", "turn_y", "turn_z"), body.spin or (), strict=False))
+    for name, starts in {"velocity": shifts, "spin": turns}.items():
+        for way, value in starts.items():
+            if value and way in body.locked:
+                yield name, f"starts with {value:g} along '{way}', which is locked"
+
+
+def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
+    """(path, message) for whatever belongs to a scene of the other number of dimensions."""
+    points: dict[str, tuple[float, ...] | None] = {}  # has as many numbers as the scene has dimensions
+    spatial: dict[str, Any] = {}  # not in 2-D
+    needed: dict[str, Any] = {}  # not in 2-D, and never absent in 3-D
+    plane: dict[str, Any] = {}  # not in 3-D
+    scalars: dict[str, tuple[Any, str]] = {}  # have three numbers in 3-D, which are called so
+
+    def sort_out(path: str, part: Wall | Shape) -> None:
+        if part.box:
+            points.update({f"{path}.box.min": part.box.min, f"{path}.box.max": part.box.max})
+            spatial[f"{path}.box.open"] = getattr(part.box, "open", None)
+        elif not getattr(part, "sphere", None):
+            needed[f"{path}.width"] = part.width
+
+    for i, wall in enumerate(scene.walls):
+        sort_out(f"walls[{i}]", wall)
+    points["body_force"] = scene.body_force
+    for i, image in enumerate(scene.images):
+        for kind, names in {"mirror": ("point", "normal", "velocity"), "periodic": ("start", "end")}.items():
+            if part := getattr(image, kind):
+                points |= {f"images[{i}].{kind}.{name}": getattr(part, name) for name in names}
+    for i, fluid in enumerate(scene.fluids):
+        points[f"fluids[{i}].velocity"] = fluid.velocity
+        if fluid.lattice:
+            points[f"fluids[{i}].lattice.origin"] = fluid.lattice.origin
+        if fluid.shape:
+            sort_out(f"fluids[{i}].shape", fluid.shape)
+            spatial[f"fluids[{i}].shape.sphere"] = fluid.shape.sphere
+    for i, body in enumerate(scene.bodies):
+        path = f"bodies[{i}]"
+        if body.shape.box:
+            points.update({f"{path}.shape.box.{end}": getattr(body.shape.box, end) for end in ("min", "max")})
+        points |= {f"{path}.{name}": getattr(body, name) for name in ("at", "centre", "velocity")}
+        if body.motion:
+            points |= {f"{path}.motion.{name}": getattr(body.motion, name) for name in ("shift", "pivot")}
+        spatial |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("sphere", "mesh")}
+        spatial |= {
+            f"{path}.{name}": value for name in ("spin", "inertia") if isinstance(value := getattr(body, name), tuple)
+        }
+        spatial[f"{path}.axis"] = body.axis
+        spatial[f"{path}.motion.axis"] = body.motion.axis if body.motion else None
+        plane |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("polygon", "disc", "path")}
+        scalars |= {f"{path}.spin": (body.spin, "[wx, wy, wz]"), f"{path}.inertia": (body.inertia, "[Jx, Jy, Jz]")}
+    needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
+
+    numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
+    for path, point in points.items():
+        if point is not None and len(point) != scene.dimensions:
+            yield path, f"{numbers} are needed in a {scene.dimensions}-D scene, not {len(point)}"
+    if scene.dimensions == 3:
+        yield from ((path, "this field is missing, in a 3-D scene") for path, value in needed.items() if value is None)
+        for path, value in plane.items():
+            if value is not None:
+                yield path, "means nothing in a 3-D scene; it goes with 'dimensions: 2'"
+        for path, (value, names) in scalars.items():
+            if value is not None and not isinstance(value, tuple):
+                yield path, f"three numbers {names} are needed in a 3-D scene"
+    else:
+        for path, value in (spatial | needed).items():
+            if value is not None:
+                yield path, "means nothing in a 2-D scene; it goes with 'dimensions: 3'"
+
+
+# ------------------------------------------------------------------------------------------------------------- loading
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of a scene file, for editors."""
+    return Scene.model_json_schema()
+
+
+def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
+    """Read the scene file at `path`, with `overrides` such as `materials.water.alpha=0.03` on top.
+
+    Raises SceneError for a file that cannot be read, is not YAML, or is not a scene: for its first mistake.
+    """
+    data, source = read_yaml(read_text(path), str(path))
+    if data is None:
+        raise SceneError(f"{path}: the file is empty")
+    if not isinstance(data, dict):
+        raise source.error("", f"a scene is a mapping of fields, not {show(data)}")
+    for override in overrides:
+        apply_override(data, source, override)
+    _find_files(data, Path(path).parent)
+    try:
+        scene = Scene.model_validate(data)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        # A list counts as too short when its entries are wrong: the entries are what to name.
+        found = [mistake for mistake in found if mistake["type"] != "too_short"] or found
+        mistakes = [_explain(mistake) for mistake in found]
+        raise source.error(*min(mistakes, key=lambda mistake: source.place(mistake[0])[0])) from None
+    scene._source = source
+    return scene
+
+
+def _find_files(data: dict[str, Any], folder: Path) -> None:
+    """Make the paths of files that a scene names absolute, so that the scene of the run folder finds them too."""
+    bodies = data.get("bodies")
+    for body in bodies if isinstance(bodies, list) else ():
+        shape = body.get("shape") if isinstance(body, dict) else None
+        for part in (
+            shape.get("mesh") if isinstance(shape, dict) else None,
+            isinstance(body, dict) and body.get("motion"),
+        ):
+            if isinstance(part, dict) and isinstance(part.get("file"), str):
+                part["file"] = str((folder / part["file"]).resolve())
+
+
+_NEEDS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping of fields",
+    "finite_number": "a finite number",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+_PATTERNS = {NAME: "a name made of letters, digits and _ is needed", COLOR: 'a colour such as "#8a6a4a" is needed'}
+
+
+def _explain(mistake: Mapping[str, Any]) -> tuple[str, str]:
+    """(path, message) of one mistake that pydantic found, in our words."""
+    path = ""
+    for key in mistake["loc"]:
+        if isinstance(key, int):
+            path += f"[{key}]"
+        elif not key.startswith(("<", "[")):  # pydantic's marks for "which of a union" and "the key itself"
+            path += f".{key}" if path else key
+    kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
+    if kind == "fault":
+        inner = context["path"]
+        return (f"{path}.{inner}" if path and inner else path + inner), context["message"]
+    if kind == "missing":
+        return path, "this field is missing"
+    if kind in _NEEDS:
+        return path, f"{_NEEDS[kind]} is needed, not {show(value)}"
+    if kind in _BOUNDS:
+        bound, words = _BOUNDS[kind]
+        return path, f"must be {words} {context[bound]:g}, not {show(value)}"
+    if kind == "literal_error":
+        names = re.findall(r"[\w.]+", context["expected"].replace(" or ", " "))
+        return path, f"{show(value)} is not known here{nearest(value, names)}"
+    if kind == "string_pattern_mismatch":
+        return path, f"{_PATTERNS[context['pattern']]}, not {show(value)}"
+    if kind == "too_short":
+        return path, f"needs {context['min_length']} or more entries, not {context['actual_length']}"
+    return path, mistake["msg"]

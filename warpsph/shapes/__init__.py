@@ -1,0 +1,1 @@
+"""Geometry of walls and bodies: outlines, surfaces in space, meshes."""

@@ -1,0 +1,238 @@
+"""Exact outlines of walls and shapes: straight legs and arcs end to end, and points spread evenly along them.
+
+A clearance or a length is that of the drawing, not of its samples. Plane points are [x, z].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpsph.scene.boundaries import Wall
+from warpsph.scene.scene import Scene
+from warpsph.scene.shapes import Corner, Shape, Solid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight leg of an outline, from `start` to `end` [m]."""
+
+    start: Array
+    end: Array
+
+    @property
+    def length(self) -> float:
+        """[m]."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    def points(self, fractions: Array) -> Array:
+        """Points at `fractions` of the length [m], shape [n, 2]."""
+        return self.start + fractions[:, None] * (self.end - self.start)
+
+    def normals(self, fractions: Array) -> Array:
+        """Unit normals to the left of the way from start to end, shape [n, 2]."""
+        along = (self.end - self.start) / self.length
+        return np.tile([-along[1], along[0]], (len(fractions), 1))
+
+    def distance(self, points: Array) -> Array:
+        """Distance from each of `points` to the leg [m], shape [n]."""
+        along = (self.end - self.start) / self.length
+        foot = np.clip((points - self.start) @ along, 0.0, self.length)
+        return np.linalg.norm(points - self.start - foot[:, None] * along, axis=1)
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A leg that is an arc of a circle, from angle `start` through `turn` (positive counter-clockwise) [rad]."""
+
+    center: Array
+    radius: float
+    start: float
+    turn: float
+
+    @property
+    def length(self) -> float:
+        """[m]."""
+        return self.radius * abs(self.turn)
+
+    def _outward(self, fractions: Array) -> Array:
+        angle = self.start + fractions * self.turn
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def points(self, fractions: Array) -> Array:
+        """Points at `fractions` of the length [m], shape [n, 2]."""
+        return self.center + self.radius * self._outward(fractions)
+
+    def normals(self, fractions: Array) -> Array:
+        """Unit normals to the left of the way from start to end, shape [n, 2]."""
+        return -math.copysign(1.0, self.turn) * self._outward(fractions)
+
+    def distance(self, points: Array) -> Array:
+        """Distance from each of `points` to the leg [m], shape [n]."""
+        arm = points - self.center
+        swept = np.mod(math.copysign(1.0, self.turn) * (np.arctan2(arm[:, 1], arm[:, 0]) - self.start), 2 * math.pi)
+        to_circle = np.abs(np.linalg.norm(arm, axis=1) - self.radius)
+        first, last = self.points(np.array([0.0, 1.0]))
+        to_ends = np.minimum(np.linalg.norm(points - first, axis=1), np.linalg.norm(points - last, axis=1))
+        return np.where(swept <= abs(self.turn), to_circle, to_ends)
+
+
+Leg = Line | Bend
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The exact line of a wall or around a shape: legs end to end, closed or open."""
+
+    legs: tuple[Leg, ...]
+    closed: bool
+
+    @property
+    def length(self) -> float:
+        """[m]."""
+        return sum(leg.length for leg in self.legs)
+
+    def distance(self, points: Array) -> Array:
+        """Distance from each of `points` to the line [m], shape [n]."""
+        return np.min([leg.distance(points) for leg in self.legs], axis=0)
+
+    def polygon(self) -> Array:
+        """Corners [m, 2] of the outline, arcs in steps of half a degree, for telling the inside from the outside."""
+        corners = []
+        for leg in self.legs:
+            pieces = 1 if isinstance(leg, Line) else math.ceil(abs(leg.turn) / math.radians(0.5))
+            corners.append(leg.points(np.linspace(0.0, 1.0, pieces + 1)))
+        return np.concatenate(corners)
+
+    def shifted(self, distance: float) -> Outline:
+        """The parallel outline `distance` [m] to the left; straight legs meet anew at their corners."""
+        legs = []
+        for leg in self.legs:
+            if isinstance(leg, Line):
+                offset = distance * leg.normals(np.zeros(1))[0]
+                legs.append(Line(leg.start + offset, leg.end + offset))
+            else:
+                # An arc narrower than the shift keeps a trace of itself rather than turning inside out.
+                radius = max(leg.radius - math.copysign(1.0, leg.turn) * distance, 0.01 * leg.radius)
+                legs.append(Bend(leg.center, radius, leg.start, leg.turn))
+        joints = [(i, i + 1) for i in range(len(legs) - 1)] + [(len(legs) - 1, 0)] * self.closed
+        for i, j in joints:
+            a, b = legs[i], legs[j]
+            if isinstance(a, Line) and isinstance(b, Line):
+                ways = np.stack([a.end - a.start, b.start - b.end], axis=1)
+                if abs(np.linalg.det(ways)) > 1e-9 * a.length * b.length:
+                    corner = a.start + np.linalg.solve(ways, b.end - a.start)[0] * (a.end - a.start)
+                    legs[i], legs[j] = Line(a.start, corner), Line(corner, b.end)
+        return Outline(tuple(legs), self.closed)
+
+    def sample(self, spacing: float) -> tuple[Array, Array, Array]:
+        """Points at most `spacing` [m] apart, evenly along each leg; the joints of legs are points, once each.
+
+        Returns points [m, 2], their unit normals to the left of the way along [m, 2] (halfway between the legs at a
+        corner), and the length of line that each stands for [m], which add up to the length of the outline.
+        """
+        points, normals, lengths = [], [], []
+        for leg in self.legs:
+            pieces = max(1, math.ceil(leg.length / spacing - 1e-9))
+            fractions = np.linspace(0.0, 1.0, pieces + 1)
+            points.append(leg.points(fractions))
+            normals.append(leg.normals(fractions))
+            share = np.full(pieces + 1, leg.length / pieces)
+            share[[0, -1]] /= 2
+            lengths.append(share)
+        # A joint belongs to two legs: the later one's first point is merged into the earlier one's last.
+        joints = [(i, i + 1) for i in range(len(self.legs) - 1)] + [(len(self.legs) - 1, 0)] * self.closed
+        for before, after in joints:
+            normals[before][-1] = _unit(normals[before][-1] + normals[after][0], otherwise=normals[before][-1])
+            lengths[before][-1] += lengths[after][0]
+        first = [1 if self.closed or i > 0 else 0 for i in range(len(self.legs))]
+        return tuple(
+            np.concatenate([a[k:] for a, k in zip(arrays, first, strict=True)]) for arrays in (points, normals, lengths)
+        )
+
+
+def wall_outline(scene: Scene, index: int) -> Outline:
+    """The exact line of `scene.walls[index]`.
+
+    Raises SceneError for a path that stands still, or a corner that is too tight for its radius.
+    """
+    wall = scene.walls[index]
+    if wall.path:
+        return Outline(path_legs(scene, f"walls[{index}].path", wall.path, wall.closed), wall.closed)
+    if wall.arc:
+        start, end = math.radians(wall.arc.start), math.radians(wall.arc.end)
+        return Outline((Bend(np.array(wall.arc.center), wall.arc.radius, start, end - start),), closed=False)
+    return closed_outline(wall)
+
+
+def closed_outline(part: Wall | Shape | Solid) -> Outline:
+    """The exact outline of a box, a disc or a polygon in the x-z plane; boxes and discs run counter-clockwise from the
+    bottom."""
+    if part.disc:
+        return Outline((Bend(np.array(part.disc.center), part.disc.radius, -0.5 * math.pi, 2 * math.pi),), closed=True)
+    if part.box:
+        (left, *_, low), (right, *_, high) = part.box.min, part.box.max
+        corners = np.array([[left, low], [right, low], [right, high], [left, high]])
+    else:
+        corners = np.array(part.polygon)
+    return Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), closed=True)
+
+
+def path_legs(scene: Scene, where: str, path: Sequence[Corner | Sequence[float]], closed: bool) -> tuple[Leg, ...]:
+    """Straight legs between the points of a path, with an arc at every rounded corner; `where` it stands in the scene.
+
+    Raises SceneError for a path that stands still, or a corner that is too tight for its radius.
+    """
+    stops = [point if isinstance(point, Corner) else Corner(at=point, radius=0.0) for point in path]
+    corners = np.array([stop.at for stop in stops])
+    count = len(stops)
+    ways = np.roll(corners, -1, axis=0) - corners  # way i leads from corner i to the next
+    reach = np.linalg.norm(ways, axis=1)
+    ways_count = count if closed else count - 1
+    for i in range(ways_count):
+        if reach[i] == 0.0:
+            raise scene.error(f"{where}[{(i + 1) % count}]", "is the same place as the point before it")
+    along = ways / np.where(reach, reach, 1.0)[:, None]
+
+    # How much of its two legs each rounded corner takes: the tangent length, radius times tan(half the turn).
+    turns, taken = np.zeros(count), np.zeros(count)
+    for i, stop in enumerate(stops):
+        if stop.radius > 0.0:
+            a, b = along[i - 1], along[i]
+            turn = math.atan2(a[0] * b[1] - a[1] * b[0], a @ b)
+            if abs(turn) > math.pi - 1e-6:
+                raise scene.error(f"{where}[{i}]", "turns straight back, which no arc can round")
+            if abs(turn) > 1e-9:
+                turns[i], taken[i] = turn, stop.radius * abs(math.tan(turn / 2))
+    for i in range(ways_count):
+        j = (i + 1) % count
+        if taken[i] + taken[j] > reach[i] * (1 + 1e-12):
+            tight, other = (j, i) if taken[j] >= taken[i] else (i, j)
+            most = stops[tight].radius * max(reach[i] - taken[other], 0.0) / taken[tight]
+            raise scene.error(
+                f"{where}[{tight}].radius",
+                f"{stops[tight].radius:g} m takes {taken[tight]:.3g} m of a leg with {reach[i] - taken[other]:.3g} m "
+                f"to spare; {most:.3g} m is the most",
+            )
+
+    legs: list[Leg] = []
+    for i in range(count):
+        if turns[i] != 0.0:
+            left = np.array([-along[i - 1][1], along[i - 1][0]]) * math.copysign(1.0, turns[i])
+            center = corners[i] - taken[i] * along[i - 1] + stops[i].radius * left
+            legs.append(Bend(center, stops[i].radius, math.atan2(-left[1], -left[0]), turns[i]))
+        j = (i + 1) % count
+        if i < ways_count and reach[i] - taken[i] - taken[j] > 1e-9 * reach[i]:
+            legs.append(Line(corners[i] + taken[i] * along[i], corners[j] - taken[j] * along[i]))
+    return tuple(legs)
+
+
+def _unit(vector: Array, otherwise: Array) -> Array:
+    length = np.linalg.norm(vector)
+    return vector / length if length > 1e-9 else otherwise

@@ -1,0 +1,100 @@
+"""The ghosts of a state: its particles as they are seen through mirrors and periodic edges."""
+
+import warp as wp
+
+from warpsph.device.cells import Cells
+from warpsph.device.launch import Launch
+from warpsph.kernels import images as kernels
+from warpsph.model import Model
+from warpsph.state import BLOCK_SIZE, State
+
+
+class Ghosts:
+    """The ghosts of a state: made anew with the lists, moved with their particles.
+
+    Attributes:
+        source: Slot of the particle that each ghost shows, -1 where there is none, shape [room].
+        image: Number of its image, shape [room].
+        inner_count: How many entries of a row are particles; those after them are ghosts, shape [particle_count].
+    """
+
+    def __init__(self, model: Model, state: State, cells: Cells, count: wp.array) -> None:
+        """`cells` are those of the particles, `count` how many entries each row of the lists has."""
+        self._model, self._state, self._particles, self._count = model, state, cells, count
+        n, device, record = model.particle_count, model.launcher.device, model.launcher.record
+        self.inner_count = wp.zeros(n, dtype=int, device=device)
+        self._first = wp.zeros(n + 1, dtype=int, device=device)
+        self._count_ghosts = record(
+            kernels.count_ghosts, n, [model.images, model.list_radius, state.listed_position, self._first]
+        )
+        s = state
+        moved = [s.position, s.velocity, s.acceleration, s.xsph_velocity]
+        lift = s.wall_distance  # free between steps
+        self._fold = record(kernels.fold, n, [model.images, model.parameters, s.fluid, *moved, lift])
+        self._book_lift = record(kernels.book_lift, s.block_count, [n, BLOCK_SIZE, lift, s.work])
+        self._make_room(64)
+
+    def _make_room(self, room: int) -> None:
+        """Room for so many ghosts."""
+        model, state, device = self._model, self._state, self._model.launcher.device
+        record, n, radius = model.launcher.record, model.particle_count, model.list_radius
+        state.make_room(room)
+        self.source, self.image = (wp.zeros(room, dtype=int, device=device) for _ in range(2))
+        self._position = wp.zeros(room, dtype=wp.vec3, device=device)
+        self._cells = Cells(model.grid, self._position, model.launcher)
+        seen = [*(model.images, radius, state.listed_position, state.fluid, self._first)]
+        ghost_fluid = state.fluid_and_ghosts[n:]
+        self._make = record(kernels.make_ghosts, n, [*seen, self.source, self.image, ghost_fluid, self._position])
+        self._forget = record(kernels.forget_ghosts, room, [self._first, n, self.source, self._position])
+        self._appended_to: wp.array | None = None  # the lists that `append` is bound to
+        packed = (state.position_volume, state.velocity_pressure)
+        self.move = record(
+            kernels.move_ghosts,
+            room,
+            [
+                *(model.images, model.parameters, self.source, self.image, *packed, ghost_fluid),
+                *(array[n:] for array in packed),
+            ],
+        )
+
+    def fold(self) -> None:
+        """Bring particles that left through an edge back as the images that came in for them."""
+        self._fold()
+        self._book_lift()
+
+    def make(self) -> bool:
+        """Make the ghosts at `listed_position`. Returns True if arrays had to grow: launches must be recorded again."""
+        n = self._model.particle_count
+        self._count_ghosts()
+        wp.utils.array_scan(self._first, self._first, inclusive=False)
+        total = int(self._first.numpy()[n])
+        grown = total > len(self.source)
+        if grown:
+            self._make_room(total + total // 4)
+        wp.copy(self._state.fluid_and_ghosts, self._state.fluid, count=n)
+        self._make()
+        self._forget()
+        self._cells.sort()
+        return grown
+
+    def append(self, neighbour_list: wp.array) -> None:
+        """Append the ghosts to the rows of the lists, which are another array whenever rows have grown."""
+        model = self._model
+        if self._appended_to is not neighbour_list:
+            self._appended_to = neighbour_list
+            self._append = model.launcher.record(
+                kernels.list_ghosts,
+                model.particle_count,
+                [
+                    *(model.grid, model.parameters, model.particle_count, self._cells.start, self._cells.order),
+                    *(self._particles.cell, self._state.listed_position, self._position),
+                    *(self._count, neighbour_list, self.inner_count),
+                ],
+            )
+        self._append()
+
+    def compare_motion(self) -> Launch:
+        """What the lists allow between particles and ghosts, as `compare_motion` does it among particles."""
+        m, s = self._model, self._state
+        bounds = [m.grid, m.images, m.skin, m.support, s.motion_lower, s.motion_upper, s.strain]
+        return m.launcher.record(kernels.compare_images, s.cell_block_count, bounds)

@@ -1,0 +1,1 @@
+"""Exact and empirical solutions; imports nothing of ours."""
