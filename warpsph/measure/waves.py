@@ -8,12 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from warpsph.theory.analytic import SolitaryFit
+from warpsph.theory.analytic import SolitaryFit, fit_solitary_wave, solitary_celerity
 
 # A wave reaches as far to both sides of its crest as it stands above this share of it.
 FOOT = 0.1
@@ -109,8 +107,6 @@ def _sinks(z: np.ndarray, level: float) -> float | None:
 
 def find_wave(time: np.ndarray, elevation: np.ndarray, *, depth: float, gravity: float, density: float) -> Wave | None:
     """The highest wave of a gauge's record, `elevation` [m] above still water at `time` [s]; None if there is none."""
-    from warpsph.theory.analytic import fit_solitary_wave, solitary_celerity  # validation imports runs
-
     # The median of five: a drop of air under the surface makes a gauge look through it for a sample or two.
     padded = np.pad(elevation, 2, mode="edge")
     elevation = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
