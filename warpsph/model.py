@@ -7,9 +7,10 @@ import warp as wp
 
 from warpsph.device.cells import Cells, cell_grid
 from warpsph.device.launch import Launcher
+from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.neighbours import BLOCK_EDGE, CellGrid, mark_walls
 from warpsph.kernels.parameters import Parameters
-from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
+from warpsph.kernels.rates import Formulas
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.walls import BY_LEG
 from warpsph.placement.images import Edge, Image, find_images, image_struct
@@ -132,7 +133,7 @@ class Model:
         p.kernel_norm, p.gradient_norm = norm, norm / h**2
         p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
         p.list_radius = self.list_radius
-        self.set_list_capacity(p, math.ceil(ROOM * lattice))
+        p.list_capacity = math.ceil(ROOM * lattice)
         p.gravity = wp.vec3(*scene.acceleration)
         p.hydrostatic = wp.vec3(0.0, 0.0, -scene.gravity)
         p.viscosity_beta = scene.viscosity_beta
@@ -175,14 +176,6 @@ class Model:
         rest, c, stiffening = (a.numpy()[fluid].astype(float) for a in (p.rest_density, p.sound_speed, p.stiffening))
         x = density / rest
         return (c**2 * rest * np.where(stiffening > 0.5, (x**7 - 1.0) / 7.0, x - 1.0)).astype(np.float32)
-
-    def set_list_capacity(self, parameters: Parameters, capacity: int) -> None:
-        """Room for `capacity` neighbours a particle: row by row on the CPU, column by column on a GPU (coalesced)."""
-        parameters.list_capacity = capacity
-        if self.layout.by_column:
-            parameters.row_stride, parameters.column_stride = 1, self.particle_count
-        else:
-            parameters.row_stride, parameters.column_stride = capacity, 1
 
 
 def extent(placement: Placement) -> tuple[np.ndarray, np.ndarray]:

@@ -6,18 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpsph.device.blocks import blocks_of, stages_of
 from warpsph.kernels.density import BY_GRADIENT
 from warpsph.model import Model
 from warpsph.placement.images import folded
 
-# Particles whose sums and extremes one thread collects; a fixed number, so that sums do not depend on the threads.
-BLOCK_SIZE = 256
 NO_LAST_STEP = 2**31 - 1
-
-
-def collects_blocks(device: wp.Device) -> bool:
-    """Whether the clock leaves it to others to go through all blocks: one thread of a GPU would be long about it."""
-    return device.is_cuda
 
 
 @dataclass(frozen=True)
@@ -118,17 +112,18 @@ class State:
         self.particle_fault = zeros(int)
         self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]
 
-        self.block_count = -(-count // BLOCK_SIZE)
+        self.blocks, self.block_count = blocks_of(count, device)  # whose sums and extremes one thread collects
         self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
         # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain. The limit by
         # viscosity, which never changes, has the last.
         viscous_step = model.viscous.longest_step if model.viscous else np.inf
         self.block_dt_limit = array(np.append(np.full(self.block_count + 1, np.inf), viscous_step), float)
         self.block_fault_slot = array(np.full(self.block_count + 2, -1), int)
-        # The same of as many blocks in a row, where that helps.
-        self.top_count = -(-(self.block_count + 2) // BLOCK_SIZE) if collects_blocks(device) else 0
-        self.top_dt_limit = zeros(float, max(self.top_count, 1))
-        self.top_fault_slot = zeros(int, max(self.top_count, 1))
+        # The same of blocks of these, and so on, until one thread can go through them.
+        self.stages = [
+            (blocks, zeros(float, number), zeros(int, number))
+            for blocks, number in stages_of(self.block_count + 2, device)
+        ]
 
         # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
         # what the lists allow.
@@ -136,8 +131,10 @@ class State:
         self.motion_lower = zeros(wp.vec3, self.cell_block_count)
         self.motion_upper = zeros(wp.vec3, self.cell_block_count)
         self.strain = zeros(float, self.cell_block_count)
-        self.strain_block_count = -(-self.cell_block_count // BLOCK_SIZE)
-        self.block_strain = zeros(float, self.strain_block_count + 1)
+        stages = stages_of(self.cell_block_count, device) or [blocks_of(self.cell_block_count, device)]
+        self.strain_stages = [(blocks, zeros(float, number + 1)) for blocks, number in stages]
+        self.strain_block_count = stages[-1][1]
+        self.block_strain = self.strain_stages[-1][1]  # one entry more, for bodies
 
         # The clock, one entry each.
         self.time = array(np.array([model.scene.start_time]), wp.float64)  # [s]

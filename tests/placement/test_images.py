@@ -185,10 +185,9 @@ def test_no_pair_is_missing(make_scene, device, parts):
         apart = np.linalg.norm(x[:, None] - seen[None], axis=2)
         near = ((apart < model.support) & (apart > 0.0)).sum(axis=1)
         listed = simulation.step.neighbours
-        count, row = listed.count.numpy(), model.parameters.row_stride
-        column, entries, packed = model.parameters.column_stride, listed.list.numpy(), state.position_volume.numpy()
+        count, entries, packed = listed.count.numpy(), listed.rows(), state.position_volume.numpy()
         for i in range(model.particle_count):
-            mine = entries[i * row + column * np.arange(count[i])]
+            mine = entries[i, : count[i]]
             there = np.linalg.norm(x[i] - packed[mine, :3], axis=1)
             assert (there < model.support * (1 - 1e-6)).sum() <= near[i] <= (there < model.support * (1 + 1e-6)).sum()
 

@@ -117,7 +117,7 @@ class Coupling:
         """
         self._count_points()
         wp.utils.array_scan(self._count, self.first, inclusive=False)
-        total = int(self.first.numpy()[-1])
+        total = int(self.first[self.model.particle_count :].numpy()[0])
         grown = total > len(self.list)
         if grown:
             self.list = wp.zeros(total + total // 4, dtype=int, device=self.model.launcher.device)
