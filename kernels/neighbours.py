@@ -107,7 +107,8 @@ def find_starts(first: int, count: int, cell_count: int, cell: wp.array[int], st
 def search_starts(first: int, count: int, cell: wp.array[int], start_out: wp.array[int]):
     """The same, each cell by itself: where most cells are empty `find_starts` lets one thread write very many."""
     c = first + wp.tid()
-    start_out[c] = wp.lower_bound(cell, 0, count, c)
+    # Beyond them all wp.lower_bound stops one short.
+    start_out[c] = wp.where(c > cell[count - 1], count, wp.lower_bound(cell, 0, count, c))
 
 
 @cache
