@@ -125,6 +125,19 @@ def gather_kernel(dtype: Any) -> wp.Kernel:
 
 
 @cache
+def scatter_kernel(dtype: Any) -> wp.Kernel:
+    """A kernel that undoes a permutation of one array of `dtype`."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def scatter(first: int, place: wp.array[int], values: wp.array[dtype], values_out: wp.array[dtype]):
+        """values_out[place[i]] = values[i]; no two have the same place."""
+        i = first + wp.tid()
+        values_out[place[i]] = values[i]
+
+    return scatter
+
+
+@cache
 def copy_kernel(dtype: Any) -> wp.Kernel:
     """A kernel that copies one array of `dtype`, with as many threads as others have."""
 

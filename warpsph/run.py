@@ -146,7 +146,7 @@ class Run:
             for record in self._records.values():
                 record.close()
         seconds = max(time.perf_counter() - started, 1e-9)
-        if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
+        if outcome == STOPPED and simulation.state.clock()["dt"] == 0.0:
             self._outputs.wait()
             write_checkpoint(self.folder / "checkpoints", simulation)
         log.info("%s %s", outcome, why)

@@ -60,12 +60,12 @@ class Simulation:
     @property
     def time(self) -> float:
         """[s]; negative during the warm-up."""
-        return float(self.state.time.numpy()[0])
+        return float(self.state.clock()["time"])
 
     @property
     def step_count(self) -> int:
         """Steps done."""
-        return int(self.state.step.numpy()[0])
+        return int(self.state.clock()["step"])
 
     def phase_changes(self) -> list[float]:
         """Times at which `enter_phase` must be called [s]: the end of settling and the release."""
@@ -98,7 +98,7 @@ class Simulation:
         """
         self.step.aim_at(time)
         self.step.run()
-        fault = int(self.state.fault.numpy()[0])
+        fault = int(self.state.clock()["fault"])
         if fault:
             raise BlowUpError(self._describe(fault))
         self.step.find_viscosity()
@@ -117,7 +117,7 @@ class Simulation:
             self.advance(time)
 
     def _describe(self, fault: int) -> str:
-        s, slot = self.state, int(self.state.fault_slot.numpy()[0])
+        s, slot = self.state, int(self.state.clock()["fault_slot"])
         fluid = self.model.fluid_names[int(s.fluid.numpy()[slot])]
         x, _, z = s.position.numpy()[slot]
         u, _, w = s.velocity.numpy()[slot]
@@ -242,7 +242,7 @@ def _rehearse(scene: Scene, launcher: Launcher, seconds: float) -> tuple[float, 
         return 1.0, 0.0
     step, ends, began = simulation.step, [*simulation.phase_changes(), coarse.run.end_time], time.perf_counter()
     step.aim_at(ends[0])
-    while ends and time.perf_counter() - began < most and not simulation.state.fault.numpy()[0]:
+    while ends and time.perf_counter() - began < most and not simulation.state.clock()["fault"]:
         step.run(50)
         if simulation.time >= ends[0]:
             simulation.enter_phase()

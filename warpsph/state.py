@@ -7,7 +7,9 @@ import numpy as np
 import warp as wp
 
 from warpsph.device.blocks import blocks_of, stages_of
+from warpsph.device.launch import alias
 from warpsph.kernels.density import BY_GRADIENT
+from warpsph.kernels.neighbours import scatter_kernel
 from warpsph.model import Model
 from warpsph.placement.images import folded
 
@@ -41,6 +43,26 @@ class Snapshot:
     id: np.ndarray
     apparent_viscosity: np.ndarray | None = None
     yielded: np.ndarray | None = None
+
+
+# The clock of a state: time, and the target that no step goes beyond [s]; dt, the step that comes next, 0 at the target
+# and after a fault, and its longest stable length [s]; steps done, and the last before the host is asked; whether a
+# pair might be missing from the lists before the next step ends; whether the next step may be taken; what is wrong with
+# the first absurd particle, and its slot.
+CLOCK = np.dtype(
+    [
+        *(
+            ("time", "<f8"),
+            ("target", "<f8"),
+            ("dt", "<f4"),
+            ("dt_limit", "<f4"),
+            ("step", "<i4"),
+            ("last_step", "<i4"),
+        ),
+        *(("stale", "<i4"), ("running", "<i4"), ("fault", "<i4"), ("fault_slot", "<i4")),
+    ]
+)
+_WARP_TYPES = {"<f8": wp.float64, "<f4": wp.float32, "<i4": wp.int32}
 
 
 class State:
@@ -136,20 +158,18 @@ class State:
         self.strain_block_count = stages[-1][1]
         self.block_strain = self.strain_stages[-1][1]  # one entry more, for bodies
 
-        # The clock, one entry each.
-        self.time = array(np.array([model.scene.start_time]), wp.float64)  # [s]
-        self.target = array(np.array([model.scene.start_time]), wp.float64)  # no step goes beyond it [s]
-        self.dt = zeros(float, 1)  # the step that comes next; 0 at the target and after a fault [s]
+        # The clock, one entry each, side by side so that the host reads all of it at once.
+        self._clock = zeros(wp.uint8, CLOCK.itemsize)
+        for name in CLOCK.names:
+            dtype, offset = CLOCK.fields[name][:2]
+            setattr(self, name, alias(self._clock, _WARP_TYPES[dtype.str], 1, offset))
         run = model.scene.run
         first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
-        self.dt_limit = array(np.array([min(first_dt, viscous_step)]), float)  # longest stable step [s]
-        self.step = zeros(int, 1)
-        self.last_step = array(np.array([NO_LAST_STEP]), int)  # which is done before the host is asked
-        self.stale = zeros(int, 1)  # whether a pair might be missing from the lists before the next step ends
-        self.running = zeros(int, 1)  # whether the next step may be taken
+        self.time.fill_(model.scene.start_time)
+        self.target.fill_(model.scene.start_time)
+        self.dt_limit.fill_(min(first_dt, viscous_step))
+        self.last_step.fill_(NO_LAST_STEP)
         self.damping = zeros(float, 1)  # [1/s]
-        self.fault = zeros(int, 1)  # what is wrong with the first absurd particle
-        self.fault_slot = zeros(int, 1)
 
     def _pack(self, room: int) -> None:
         length = self.model.particle_count + room
@@ -165,24 +185,33 @@ class State:
         self.fluid_and_ghosts = wp.zeros(length, dtype=int, device=self.model.launcher.device)
         self._pack(room)
 
+    def clock(self) -> np.void:
+        """The clock as it is now, a record of CLOCK."""
+        return self.model.launcher.read(self._clock).view(CLOCK)[0].copy()
+
+    def _in_id_order(self, values: wp.array) -> np.ndarray:
+        """An array of the particles on the host, in id order: the device puts it in order."""
+        ordered = wp.empty_like(values)
+        self.model.launcher.run(scatter_kernel(values.dtype), len(values), [self.id, values, ordered])
+        return ordered.numpy()
+
     def snapshot(self) -> Snapshot:
         """Copy the fluid to the host, in id order."""
-        order = np.argsort(self.id.numpy(), kind="stable")
-        density = self.density.numpy()[order]
-        fluid = self.fluid.numpy()[order]
+        clock, density, fluid = self.clock(), self._in_id_order(self.density), self._in_id_order(self.fluid)
         position, velocity = folded(
-            self.model.edges, self.model.seen_images, self.position.numpy()[order], self.velocity.numpy()[order]
+            *(self.model.edges, self.model.seen_images),
+            *(self._in_id_order(self.position), self._in_id_order(self.velocity)),
         )
         has_rheology = self.model.viscous is not None and self.model.viscous.law is not None
         return Snapshot(
-            time=float(self.time.numpy()[0]),
-            step=int(self.step.numpy()[0]),
+            time=float(clock["time"]),
+            step=int(clock["step"]),
             position=position,
             velocity=velocity,
             density=density,
             pressure=self.model.pressure(density, fluid),
             fluid=fluid,
-            id=self.id.numpy()[order].astype(np.int64),
-            apparent_viscosity=self.apparent_viscosity.numpy()[order] if has_rheology else None,
-            yielded=self.yielded.numpy()[order] if has_rheology else None,
+            id=np.arange(self.model.particle_count, dtype=np.int64),
+            apparent_viscosity=self._in_id_order(self.apparent_viscosity) if has_rheology else None,
+            yielded=self._in_id_order(self.yielded) if has_rheology else None,
         )

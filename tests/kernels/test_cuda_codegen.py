@@ -21,7 +21,13 @@ from warpsph.kernels.images import list_ghosts_kernel
 from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
-from warpsph.kernels.neighbours import copy_kernel, gather_kernel, list_kernel, wall_points_kernel
+from warpsph.kernels.neighbours import (
+    copy_kernel,
+    gather_kernel,
+    list_kernel,
+    scatter_kernel,
+    wall_points_kernel,
+)
 from warpsph.kernels.rates import Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
@@ -95,6 +101,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     copy_kernel: STATE_TYPES,
     wall_points_kernel: [(False,), (True,)],
     gather_kernel: STATE_TYPES,
+    scatter_kernel: STATE_TYPES,
 }
 
 pytestmark = pytest.mark.skipif(sys.platform == "darwin", reason="Warp for macOS comes without a CUDA compiler")

@@ -34,7 +34,10 @@ class Neighbours:
         self.are_listed = model.formulas.neighbours == "lists"
         self.count = wp.zeros(count if self.are_listed else 1, dtype=int, device=device)
         self.list = self._make_list()
-        self._too_long = wp.zeros(1, dtype=int, device=device)  # whether a row may have been cut short
+        # What the host asks after lists were made: whether a row may have been cut short, and how many wall points all
+        # particles have on their lists.
+        self._asked = wp.zeros(2, dtype=int, device=device)
+        self._too_long = self._asked[:1]
         self.wall_first = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
@@ -116,12 +119,13 @@ class Neighbours:
     def _grow(self) -> bool:
         """Make room where a row or the wall list was too short."""
         model, device = self.model, self.model.launcher.device
-        wall_total = int(self.wall_first[model.particle_count :].numpy()[0])
+        wp.copy(self._asked, self.wall_first, dest_offset=1, src_offset=model.particle_count, count=1)
+        is_too_long, wall_total = map(int, model.launcher.read(self._asked))
         grown = wall_total > len(self.wall_list)
         if grown:
             self.wall_list = wp.zeros(wall_total + wall_total // 4, dtype=int, device=device)
             self._record()
-        while self._too_long.numpy()[0]:
+        while is_too_long:
             capacity = model.parameters.list_capacity
             model.parameters.list_capacity = capacity + capacity // 4 + 1
             self.list = self._make_list()
@@ -130,5 +134,5 @@ class Neighbours:
             self._list()
             if self.ghosts:
                 self.ghosts.append(self.list, self._too_long)
-            grown = True
+            is_too_long, grown = int(model.launcher.read(self._asked)[0]), True
         return grown

@@ -62,11 +62,11 @@ class Step:
     def run(self, most_steps: int | None = None) -> None:
         """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
         s = self.state
-        last = NO_LAST_STEP if most_steps is None else int(s.step.numpy()[0]) + most_steps
+        last = NO_LAST_STEP if most_steps is None else int(s.clock()["step"]) + most_steps
         s.last_step.fill_(last)
         self._aim()
-        while s.dt.numpy()[0] > 0.0 and (most_steps is None or s.step.numpy()[0] < last):
-            if s.stale.numpy()[0]:
+        while (clock := s.clock())["dt"] > 0.0 and clock["step"] < last:
+            if clock["stale"]:
                 self._bind(self._rebuild())
                 self._aim()
             if self.loops:
@@ -83,7 +83,7 @@ class Step:
 
     def resume(self) -> None:
         """Take up a state that was read from a checkpoint."""
-        stale = bool(self.state.stale.numpy()[0])
+        stale = bool(self.state.clock()["stale"])
         grown = self.neighbours.relist()
         if self.bodies:
             self.bodies.set.move_points()()
