@@ -11,11 +11,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 import warpsph
 from warpsph.measure.energy import drift_and_converted
+from warpsph.measure.leaks import behind_walls
 from warpsph.measure.waves import celerity, find_impact, find_wave
 from warpsph.output.checkpoint import read_checkpoint, write_checkpoint
 from warpsph.output.progress import Progress
@@ -121,7 +121,7 @@ class Run:
         progress = Progress(simulation.time, end, simulation.model.particle_count, first_step)
         count, now = simulation.model.particle_count, simulation.time
         log.info("%s: %d particles, from t = %g s to %g s", self.scene.title, count, now, end)
-        for warning in simulation.placement.warnings:
+        for warning in simulation.start.warnings:
             log.warning("%s", warning)
         started = first_steps = time.perf_counter()
         try:
@@ -227,21 +227,22 @@ class Run:
             },
             "counts": {
                 "particles": model.particle_count,
-                "wall points": len(simulation.placement.wall_position),
+                "wall points": simulation.start.wall_count,
                 **({"body points": simulation.bodies.set.point_count} if simulation.bodies else {}),
-                **{name: int(np.sum(model.initial_fluid == f)) for f, name in enumerate(model.fluid_names)},
+                **dict(zip(model.fluid_names, simulation.start.counts, strict=True)),
             },
+            "particles behind walls": int(behind_walls(model, simulation.state.position).sum()),
             "conservation": self._conservation(),
             "gauges": self._crests(),
             **self._impacts(),
-            "warnings": list(simulation.placement.warnings),
+            "warnings": list(simulation.start.warnings),
         }
 
     def _conservation(self) -> dict[str, float]:
         """Mass now over mass at the start, and how far the energy sum strayed, over the energy converted."""
         _, motions = self.simulation.energy.measure()
         model = self.simulation.model
-        placed = float(np.sum(model.parameters.mass.numpy()[model.initial_fluid], dtype=np.float64))
+        placed = float(model.parameters.mass.numpy().astype(float) @ self.simulation.start.counts)
         drift, converted = drift_and_converted(read_record(self.folder / "energy.csv"))
         facts = {"mass / mass placed": sum(motion.mass for motion in motions) / placed}
         if converted:

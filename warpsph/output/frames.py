@@ -52,6 +52,8 @@ LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
 # Discs one spacing wide leave gaps. Where a spacing is less than this [px], gaps would only make moiré patterns, and
 # discs are drawn just wide enough to close them.
 SMALLEST_DISC = 5.0
+# So many particles are painted at a time: more would only take memory.
+BLOCK = 1 << 18
 GIF_WIDTH = 800  # [px]
 GIF_RATE = 15.0  # pictures per second of an animated GIF, about [1/s]
 
@@ -160,12 +162,15 @@ class FrameWriter:
                 faces, colors = _seen_from_the_front(corners, np.array(faces), body.color)
                 artist.set(facecolors=colors, edgecolors=colors)
             artist.set_verts([corners[face, ::2] for face in faces])
-        speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
-        shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
-        nearest_last = np.argsort(-snapshot.position[:, 1], kind="stable")
         self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
         self._canvas.restore_region(self._background)
-        self._paint(snapshot.position[nearest_last], self._shades[snapshot.fluid, shade][nearest_last])
+        away = snapshot.position[:, 1]
+        nearest_last = np.argsort(-away, kind="stable") if away.any() else np.arange(len(away))
+        for begin in range(0, len(away), BLOCK):
+            some = nearest_last[begin : begin + BLOCK]
+            speed = np.linalg.norm(snapshot.velocity[some], axis=1) / self._speed_scale
+            shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
+            self._paint(snapshot.position[some], self._shades[snapshot.fluid[some], shade])
         for artist in self._moving:
             self._figure.draw_artist(artist)
         path = self.folder / f"frame.{frame:05d}.png"

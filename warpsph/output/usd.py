@@ -238,7 +238,9 @@ class UsdCache:
         layer.startTimeCode = layer.endTimeCode = frame
         layer.customLayerData = {"time": float(snapshot.time), "step": int(snapshot.step)}
         for index, prim_name in enumerate(self._fluids):
-            for name, value in self._values(snapshot, np.flatnonzero(snapshot.fluid == index)).items():
+            # All at once, and without a copy, where there is one fluid.
+            members = slice(None) if len(self._fluids) == 1 else np.flatnonzero(snapshot.fluid == index)
+            for name, value in self._values(snapshot, members).items():
                 attribute = f"{FLUID_SCOPE}/{prim_name}.{name}"
                 layer.EraseTimeSample(attribute, frame - 1)
                 layer.SetTimeSample(attribute, frame, value)
@@ -253,7 +255,7 @@ class UsdCache:
         self._write_root()
         return path
 
-    def _values(self, snapshot: Snapshot, members: np.ndarray) -> dict[str, Any]:
+    def _values(self, snapshot: Snapshot, members: np.ndarray | slice) -> dict[str, Any]:
         """The values of the clipped attributes for one fluid, whose particles are `members` of the snapshot."""
         points = snapshot.position[members].astype(np.float32)
         velocities = np.ascontiguousarray(snapshot.velocity[members], dtype=np.float32)

@@ -117,8 +117,8 @@ class Solid:
         return corners, [list(range(len(corners)))]
 
 
-def place_bodies(scene: Scene, walls: Sequence[Sheet | Crate]) -> list[Solid]:
-    """The bodies of `scene` where it puts them, `walls` being its walls.
+def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
+    """The bodies of `scene` where it puts them; `drawn` are points on each of its walls [m], shape [n, 3].
 
     Raises SceneError for a body that is impossible, in a wall, or in another body.
     """
@@ -126,8 +126,7 @@ def place_bodies(scene: Scene, walls: Sequence[Sheet | Crate]) -> list[Solid]:
     for i, body in enumerate(scene.bodies):
         path = f"bodies[{i}]"
         solid = _solid(scene, path, body)
-        for wall, one in zip(scene.walls, walls, strict=True):
-            points = one.sample(scene.wall_spacing)[0]
+        for wall, points in zip(scene.walls, drawn, strict=True):
             if (spot := _overlap(scene, solid, points)) is not None:
                 raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {_spot(scene, spot)}")
         for other, earlier in zip(scene.bodies, solids, strict=False):
@@ -141,7 +140,7 @@ def place_bodies(scene: Scene, walls: Sequence[Sheet | Crate]) -> list[Solid]:
 
 def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet | Crate], sides: Sequence[int]) -> None:
     """Raises SceneError for a body that lies behind a wall; `sides` are those of the walls on which the fluid is."""
-    for wall, one, side in zip(scene.walls, walls, sides, strict=True):
+    for wall, one, side in zip(scene.walls, walls, sides, strict=True) if solids else ():
         points, normals, _ = one.sample(scene.wall_spacing)
         for i, solid in enumerate(solids):
             if side and _is_behind(solid.body.mass.centre, points, side * normals):
