@@ -9,6 +9,7 @@ import numpy as np
 from warpsph.device.launch import Launcher
 from warpsph.memory import Memory, counts_of, memory_of
 from warpsph.model import first_dt
+from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
 from warpsph.rheology import kinematic_viscosities, viscous
 from warpsph.scene.scene import Scene, SceneError
@@ -50,6 +51,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     taken from a coarse rehearsal: both go by speeds over that of sound and by motion over the spacing, so that they
     change little with the spacing.
     """
+    scene = localised(scene)
     placement = place_within(scene, launcher.device)
     start, law = Start.of(placement), viscous(scene, launcher.device)
     memory = memory_of(scene, counts_of(scene, placement), shared=launcher.device.is_cpu)

@@ -15,6 +15,7 @@ from warpsph.kernels.neighbours import BLOCK_EDGE
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.model import box_of_cells, list_capacity, wall_radius
 from warpsph.placement.images import find_edges
+from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
 from warpsph.scene.scene import Scene
@@ -253,6 +254,7 @@ def refuse_too_big(scene: Scene, counts: Counts, device: wp.Device, slack: float
 
 def out_of_memory(scene: Scene, device: wp.Device) -> str:
     """One line for a run that found no more memory."""
+    scene = localised(scene)
     counts = rough_counts(scene)
     words = _no_room(scene, counts, device, 0.0)
     return f"out of memory: {words}"

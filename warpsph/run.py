@@ -99,7 +99,7 @@ class Run:
         self._frames = Ticks(scene.output.frames_per_second, max(now, 0.0), is_done=resume and now >= 0.0)
         self._checkpoints = Ticks(1.0 / scene.output.checkpoint_every, now, is_done=True)
         self._records = self._open_records(now if resume else None)
-        self._outputs = Outputs(scene, self.simulation, folder, self._frames.index if resume else None)
+        self._outputs = Outputs(self.simulation.scene, self.simulation, folder, self._frames.index if resume else None)
 
     def _open_records(self, resume_at: float | None) -> dict[str, Record]:
         unit = "[J/m]" if self.scene.dimensions == 2 else "[J]"
@@ -112,7 +112,14 @@ class Run:
             **{f"fluids/{name}": motion for name in self.simulation.model.fluid_names},
             **{f"bodies/{body.name}": body_columns(self.scene.dimensions) for body in self.scene.bodies},
         }
-        return {name: Record(self.folder / f"{name}.csv", heading, resume_at) for name, heading in columns.items()}
+        origins = dict(zip(("x [m]", "y [m]", "z [m]"), self.simulation.scene.origin, strict=True))
+        origins |= {"front [m]": origins["x [m]"], "level [m]": origins["z [m]"]}
+        return {
+            name: Record(
+                self.folder / f"{name}.csv", heading, resume_at, [origins.get(column, 0.0) for column in heading]
+            )
+            for name, heading in columns.items()
+        }
 
     def execute(self) -> dict[str, Any]:
         """Run to the end, to a STOP file or to a blow-up. Returns what run.json holds."""
@@ -232,6 +239,7 @@ class Run:
                 **dict(zip(model.fluid_names, simulation.start.counts, strict=True)),
             },
             "particles behind walls": int(behind_walls(model, simulation.state.position).sum()),
+            **({"origin [m]": list(simulation.scene.origin)} if any(simulation.scene.origin) else {}),
             "conservation": self._conservation(),
             "gauges": self._crests(),
             **self._impacts(),
@@ -257,7 +265,8 @@ class Run:
         if bodies is None or fill is None or scene.dimensions == 3:
             return {}
         level = fill.fill.level
-        about = {"depth": level - self.simulation.model.ground, "gravity": scene.gravity}
+        ground = self.simulation.model.ground + self.simulation.scene.origin[2]
+        about = {"depth": level - ground, "gravity": scene.gravity}
         impacts, waves = {}, {}
         for body in bodies.set.bodies:
             record = read_record(self.folder / "bodies" / f"{body.name}.csv")

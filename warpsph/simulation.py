@@ -8,6 +8,7 @@ from warpsph.measure.energy import Energy
 from warpsph.measure.gauges import Gauges
 from warpsph.memory import counts_of, refuse_too_big, rough_counts
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model, refuse_endless
+from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement, Start, place
 from warpsph.rheology import viscous
 from warpsph.scene.scene import Scene
@@ -49,6 +50,7 @@ class Simulation:
     """A scene that can be advanced in time.
 
     Attributes:
+        scene: The scene as it is seen from its origin, from which all places in here count.
         start: What there was before the first step.
     """
 
@@ -62,7 +64,8 @@ class Simulation:
             DeviceError: there is no such device.
             NoRoomError: there is not enough memory.
         """
-        self.scene, self.launcher = scene, Launcher(device, threads)
+        self.scene = scene = localised(scene)
+        self.launcher = Launcher(device, threads)
         placement = placement or place_within(scene, self.launcher.device)
         self.start = Start.of(placement)
         self.model = Model(scene, placement, self.launcher)
@@ -136,10 +139,10 @@ class Simulation:
     def _describe(self, fault: int) -> str:
         s, slot = self.state, int(self.state.fault_slot.numpy()[0])
         fluid = self.model.fluid_names[int(s.fluid.numpy()[slot])]
-        x, _, z = s.position.numpy()[slot]
+        x = s.position.numpy()[slot]
         u, _, w = s.velocity.numpy()[slot]
         return (
             f"particle {int(s.id.numpy()[slot])} of '{fluid}' at t = {self.time:.5f} s (step {self.step_count}): "
-            f"{_FAULTS[fault]}; x = {x:.4g} m, z = {z:.4g} m, u = {u:.4g} m/s, w = {w:.4g} m/s, "
+            f"{_FAULTS[fault]}; {self.scene.spot(x)}, u = {u:.4g} m/s, w = {w:.4g} m/s, "
             f"density {float(s.density.numpy()[slot]):.5g} kg/m3"
         )

@@ -14,6 +14,7 @@ PLANE = {
     "walls": [
         {"name": "flume", "path": [[-0.8, 0.5], {"at": [0.0, 0.0], "radius": 0.1}, [2.0, 0.0], [2.0, 0.5]]},
         {"name": "block", "box": {"min": [1.2, 0.05], "max": [1.5, 0.15]}},
+        {"name": "post", "disc": {"center": [0.7, 0.3], "radius": 0.04}},
     ],
     "fluids": [{"name": "water", "material": "water", "fill": {"level": 0.2, "above": "flume"}}],
     "run": {"end_time": 0.1},
@@ -47,6 +48,15 @@ def test_behind_walls_is_what_all_wall_points_say(fields, device):
     is_clear = np.abs(np.einsum("ij,ij->i", points - walls[nearest], normals[nearest])) > 0.05 * model.spacing
     np.testing.assert_array_equal(found[near & is_clear], behind[near & is_clear])
     assert np.mean(found != behind) < 0.01
+
+
+def test_a_small_thing_seen_from_afar(device):
+    """Far from all walls a post, smaller than the cells are there, is in front of whoever looks at it."""
+    fields = PLANE | {"walls": [*PLANE["walls"][:1], {"name": "post", "disc": {"center": [0.9, 1.3], "radius": 0.03}}]}
+    model = Simulation(Scene.model_validate(fields), device).model
+    angle = np.linspace(0.0, 2.0 * np.pi, 500)
+    around = [np.array([0.9 + r * np.cos(angle), 0.0 * angle, 1.3 + r * np.sin(angle)]).T for r in (0.1, 0.25, 0.5)]
+    assert not behind_walls(model, np.concatenate(around)).any()
 
 
 def test_fluid_at_rest_is_in_front(device):

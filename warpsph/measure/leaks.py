@@ -13,7 +13,8 @@ from warpsph.device.cells import Cells, cell_grid
 from warpsph.kernels import leaks as kernels
 from warpsph.model import Model
 
-# Cells twice as wide from one round to the next hold one wall point in each of so many parts along an edge.
+# Cells grow to twice their width from one round to the next. Of the wall points one is left, of each way that they
+# face, in each of so many parts of a cell along its edge.
 PARTS = 4
 
 
@@ -21,7 +22,8 @@ def behind_walls(model: Model, position: wp.array | NDArray[np.float64]) -> NDAr
     """Whether each particle at `position` [m], shape [n, 3], is on the far side of its nearest wall point, shape [n].
 
     A particle within two cells of a wall, 3 spacings and more, is held against all wall points; farther off against
-    fewer and fewer of them, a quarter of a cell apart, in cells that grow until one is near enough.
+    fewer and fewer of them, a quarter of a cell apart, in cells that grow until one is near enough. Of a thing smaller
+    than that points are left on all of its sides, so that it is the near one that counts.
     """
     device, count = model.launcher.device, len(position)
     if not isinstance(position, wp.array):
@@ -41,7 +43,7 @@ def _levels(model: Model) -> Iterator[tuple]:
     lower, upper = points.min(axis=0), points.max(axis=0)
     is_last = False
     while not is_last:
-        kept = _one_in_each(points, lower, edge / PARTS)
+        kept = _one_in_each(points, normals, lower, edge / PARTS)
         points, normals = points[kept], normals[kept]
         grid = cell_grid(lower, upper, 2.0 * edge, model.scene.dimensions, len(points))
         is_last = max(grid.inner) <= 2
@@ -56,9 +58,14 @@ def _levels(model: Model) -> Iterator[tuple]:
         edge = 2.0 / grid.inverse_edge
 
 
-def _one_in_each(points: NDArray[np.float32], lower: NDArray[np.float32], edge: float) -> NDArray[np.int64]:
-    """Indices of the first of `points` [m], shape [n, 3], in each cell of a lattice with a corner at `lower` [m]."""
+def _one_in_each(
+    points: NDArray[np.float32], normals: NDArray[np.float32], lower: NDArray[np.float32], edge: float
+) -> NDArray[np.int64]:
+    """Indices of the first of `points` [m], shape [n, 3], in each cell of a lattice with a corner at `lower` [m], of
+    each of the 27 ways that normals face."""
     place = ((points - lower) / edge).astype(np.int64)
     size = place.max(axis=0) + 1
+    way = np.rint(normals).astype(np.int64) + 1
     key = (place[:, 2] * size[1] + place[:, 1]) * size[0] + place[:, 0]
+    key = 27 * key + way @ [1, 3, 9]
     return np.sort(np.unique(key, return_index=True)[1])

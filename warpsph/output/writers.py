@@ -55,6 +55,7 @@ class Outputs:
                 walls=lines,
                 bodies=list(bodies.values()),
                 spacing=scene.spacing,
+                origin=(scene.origin[0], scene.origin[2]),
                 window=(view.x, view.z) if view else window_around(np.concatenate(seen), scene.spacing),
                 speed_scale=scene.output.speed_scale or _round(typical_speed(scene, start)),
             )
@@ -65,6 +66,7 @@ class Outputs:
                 walls=drawn | mirrors,
                 bodies=bodies,
                 spacing=scene.spacing,
+                origin=scene.origin,
                 frames_per_second=scene.output.frames_per_second,
                 provenance={
                     **{"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},

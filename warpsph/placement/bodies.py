@@ -128,12 +128,12 @@ def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
         solid = _solid(scene, path, body)
         for wall, points in zip(scene.walls, drawn, strict=True):
             if (spot := _overlap(scene, solid, points)) is not None:
-                raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {_spot(scene, spot)}")
+                raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {scene.spot(spot)}")
         for other, earlier in zip(scene.bodies, solids, strict=False):
             spot = _overlap(scene, solid, earlier.samples)
             spot = _overlap(scene, earlier, solid.samples) if spot is None else spot
             if spot is not None:
-                raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {_spot(scene, spot)}")
+                raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {scene.spot(spot)}")
         solids.append(solid)
     return solids
 
@@ -228,7 +228,8 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
             samples,
         )
     except ValueError as error:
-        raise scene.error(f"{path}.shape", str(error)) from None
+        counted = f" (counted from {scene.spot((0.0, 0.0, 0.0))})" if any(scene.origin) else ""
+        raise scene.error(f"{path}.shape", f"{error}{counted}") from None
 
 
 def _outline(scene: Scene, path: str, shape: SolidField) -> Outline:
@@ -390,9 +391,3 @@ def _turn_in_space(body: BodyField) -> Array:
 def _axis(axis: Sequence[float] | None) -> Array:
     """An axis of turning; without one, that about which x-z turns counter-clockwise as one looks at it."""
     return np.array([0.0, -1.0, 0.0] if axis is None else axis)
-
-
-def _spot(scene: Scene, point: Array) -> str:
-    """Where a point is, in words."""
-    axes = "xz" if scene.dimensions == 2 else "xyz"
-    return ", ".join(f"{axis} = {point['xyz'.index(axis)]:.4g} m" for axis in axes)

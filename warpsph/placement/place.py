@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
 from warpsph.placement.images import Edge, find_edges, find_images
+from warpsph.placement.origin import localised
 from warpsph.scene.fluids import Fluid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
@@ -115,12 +116,6 @@ def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
         raise scene.error("spacing", words)
 
 
-def _spot(scene: Scene, point: Array) -> str:
-    """Where a point is, in words."""
-    axes = "xz" if scene.dimensions == 2 else "xyz"
-    return ", ".join(f"{axis} = {point['xyz'.index(axis)]:.4g} m" for axis in axes)
-
-
 def _shape_sites(
     scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
 ) -> tuple[Array, Array, list[str]]:
@@ -140,18 +135,18 @@ def _shape_sites(
     for wall, points in zip(scene.walls, drawn, strict=True):
         within, first = _count(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
         if within:
-            raise scene.error(path, f"wall '{wall.name}' runs through it, at {_spot(scene, points[first])}")
+            raise scene.error(path, f"wall '{wall.name}' runs through it, at {scene.spot(points[first])}")
     touching, first = _count(sites, lambda some: _distance(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx)
     if touching:
         words = f"{touching} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
-        raise scene.error(path, f"{words}, the first at {_spot(scene, sites[first])}")
+        raise scene.error(path, f"{words}, the first at {scene.spot(sites[first])}")
     for one in solids:
         touching, first = _count(
             sites, lambda some, one=one: one.contains(some) | (one.distance(some) < (0.5 - CLEARANCE_SLACK) * dx)
         )
         if touching:
             words = f"body '{one.body.name}' lies in it or within half a spacing of it"
-            raise scene.error(path, f"{words}, at {_spot(scene, sites[first])}")
+            raise scene.error(path, f"{words}, at {scene.spot(sites[first])}")
 
     warnings = []
     excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
@@ -185,8 +180,9 @@ def _fill_sites(
     low, high = fill.between or (-math.inf, math.inf)
     wet = drawn[(drawn[:, 0] >= low - dx) & (drawn[:, 0] <= high + dx) & (drawn[:, 2] < fill.level)]
     if not len(wet):
-        where = f" between {low:g} and {high:g} m" if fill.between else ""
-        raise scene.error(path, f"'{fill.above}' is nowhere below the level {fill.level:g} m{where}")
+        x, _, z = scene.origin
+        where = f" between {low + x:.12g} and {high + x:.12g} m" if fill.between else ""
+        raise scene.error(path, f"'{fill.above}' is nowhere below the level {fill.level + z:.12g} m{where}")
     left, right = max(low, wet[:, 0].min()), min(high, wet[:, 0].max())
     front, back = (wet[:, 1].min(), wet[:, 1].max()) if scene.dimensions == 3 else (-0.5 * dx, 0.5 * dx)
     floor = wet[:, 2].min()
@@ -213,8 +209,10 @@ def _fill_sites(
     openings = bed.openings(fill.level, 0.5 * dx)
     is_open = near(openings, sites, 1.5 * dx) & (_distance(walls, openings) > dx)
     if is_open.any():
-        words = f"it would leak at {_spot(scene, openings[is_open][0])}"
-        raise scene.error(path, f"{words}: '{fill.above}' ends there, below the level {fill.level:g} m")
+        words = f"it would leak at {scene.spot(openings[is_open][0])}"
+        raise scene.error(
+            path, f"{words}: '{fill.above}' ends there, below the level {fill.level + scene.origin[2]:.12g} m"
+        )
 
     warnings = []
     sizes = {"depth": fill.level - floor}
@@ -234,7 +232,7 @@ def _fill_sites(
 
 @dataclass(frozen=True)
 class Placement:
-    """Every point of a scene at the start, fluids in the order of `scene.fluids`.
+    """Every point of a scene at the start, counted from its origin, fluids in the order of `scene.fluids`.
 
     Attributes:
         position: Fluid particles [m], shape [particle_count, 3].
@@ -324,6 +322,7 @@ def place(scene: Scene) -> Placement:
     Raises SceneError for what cannot be: an empty fluid, a shape on top of a wall, a fill that leaks, a corner too
     tight for its radius, a speed of sound too low for the drop.
     """
+    scene = localised(scene)
     walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
     _refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
     drawn = [one.sample(scene.wall_spacing)[0] for one in walls]
@@ -407,7 +406,9 @@ def _velocities(scene: Scene, position: Array, counts: Sequence[int]) -> Array:
     for fluid, count, end in zip(scene.fluids, counts, ends, strict=True):
         if wave := fluid.shear_wave:
             mine = slice(end - count, end)
-            velocity[mine, 0] += wave.speed * np.sin(2.0 * np.pi * position[mine, 2] / wave.wavelength)
+            velocity[mine, 0] += wave.speed * np.sin(
+                2.0 * np.pi * (position[mine, 2] + scene.origin[2]) / wave.wavelength
+            )
     return velocity
 
 
@@ -427,7 +428,7 @@ def _refuse_beyond(scene: Scene, path: str, edges: Sequence[Edge], sites: Array)
         if inside.min() < -LATTICE_SLACK * scene.spacing:
             lost = int(np.sum(inside < 0.0))
             words = f"{lost} of {len(sites)} particles lie beyond '{edge.name}', the farthest at "
-            raise scene.error(path, words + _spot(scene, sites[inside.argmin()]))
+            raise scene.error(path, words + scene.spot(sites[inside.argmin()]))
 
 
 def _repeat_walls(scene: Scene, placement: Placement) -> Placement:
@@ -534,16 +535,16 @@ def _doubts(
             sites = position[end - count : end]
             lost, first = _count(sites, lambda some: _without_ground(some, *ground, scene.spacing))
             if lost:
-                words = f"{lost} particles have no wall below them, the first at {_spot(scene, sites[first])}"
+                words = f"{lost} particles have no wall below them, the first at {scene.spot(sites[first])}"
                 doubts.append(scene.error(f"fluids[{i}]", words))
         low, high = around(*drawn)
         for i, gauge in enumerate(scene.gauges):
             for axis, place in {0: gauge.x, 1: gauge.y or 0.0}.items():
                 if not low[axis] <= place <= high[axis]:
-                    reach = f"which reach from {low[axis]:g} to {high[axis]:g} m"
-                    doubts.append(
-                        scene.error(f"gauges[{i}].{'xy'[axis]}", f"{place:g} m lies beyond the walls, {reach}")
-                    )
+                    first, last, here = (x + scene.origin[axis] for x in (low[axis], high[axis], place))
+                    reach = f"which reach from {first:.12g} to {last:.12g} m"
+                    words = f"{here:.12g} m lies beyond the walls, {reach}"
+                    doubts.append(scene.error(f"gauges[{i}].{'xy'[axis]}", words))
     return [str(doubt) for doubt in doubts]
 
 
