@@ -6,6 +6,7 @@
 import argparse
 import json
 import logging
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -45,7 +46,7 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
         return _complain(str(error), MACHINE)
     except (MemoryError, RuntimeError) as error:
         # Warp says so in words.
-        if isinstance(error, RuntimeError) and "allocate" not in str(error):
+        if isinstance(error, RuntimeError) and not re.search("failed to allocate|out of memory", str(error), re.I):
             raise
         return _complain(_out_of_memory(options), MACHINE)
     except OSError as error:

@@ -61,7 +61,9 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     if times <= 1.0:
         simulation = Simulation(scene, str(launcher.device), launcher.threads, placement)
     del placement
-    simulation = simulation or _coarser(scene, launcher, times) or Simulation(scene, str(launcher.device))
+    simulation = (
+        simulation or _coarser(scene, launcher, times) or Simulation(scene, str(launcher.device), launcher.threads)
+    )
     step_seconds, list_seconds = (
         seconds * count / simulation.model.particle_count for seconds in _time_steps(simulation)
     )
@@ -86,12 +88,17 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
 
 
 def _coarser(scene: Scene, launcher: Launcher, times: float) -> Simulation | None:
-    """The scene with its spacing so many times as wide; None where it cannot be: with a body of one spacing, say."""
-    coarse = scene.model_copy(update={"spacing": scene.spacing * times})
-    try:
-        return Simulation(coarse, str(launcher.device), launcher.threads)
-    except SceneError:
-        return None
+    """The scene with its spacing so many times as wide, or a little more where that does not fit between its walls.
+
+    None where it cannot be: with a body of one spacing, say.
+    """
+    for more in (1.0, 1.04, 1.09, 1.15, 1.22, 1.3):
+        coarse = scene.model_copy(update={"spacing": scene.spacing * times * more})
+        try:
+            return Simulation(coarse, str(launcher.device), launcher.threads)
+        except SceneError:
+            continue
+    return None
 
 
 def _count_records(scene: Scene) -> int:
