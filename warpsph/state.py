@@ -95,11 +95,13 @@ class State:
         def array(values: np.ndarray, dtype: type) -> wp.array:
             return wp.array(values, dtype=dtype, device=device)
 
-        self.id = array(np.arange(count), int)
-        self.fluid = self.fluid_and_ghosts = array(model.initial_fluid, int)
-        self.position = array(model.initial_position, wp.vec3d)  # [m]
-        self.velocity = array(model.initial_velocity, wp.vec3)  # [m/s]
-        self.density = array(model.initial_density, wp.float64)  # [kg/m3]
+        self.id = array(np.arange(count, dtype=np.int32), int)
+        position, velocity, density, fluid = model.take_initial()
+        self.fluid = self.fluid_and_ghosts = array(fluid, int)
+        self.position = array(position, wp.vec3d)  # [m]
+        self.velocity = array(velocity, wp.vec3)  # [m/s]
+        self.density = array(density, wp.float64)  # [kg/m3]
+        del position, velocity, density, fluid  # before the rest takes its room
         self.acceleration = zeros(wp.vec3)  # of the last kick [m/s2]
         self.density_rate = zeros(float)  # [kg/m3/s]
         self.last_diffusion_rate = zeros(float)  # by diffusion, in the last step [kg/m3/s]

@@ -177,7 +177,7 @@ def test_mass_is_exact(make_collapse, device, scheme):
     assert simulation.step.neighbours.rebuilds > 10
     after = simulation.state.snapshot()
     np.testing.assert_array_equal(after.id, np.arange(simulation.model.particle_count))
-    np.testing.assert_array_equal(after.fluid, simulation.placement.fluid)
+    np.testing.assert_array_equal(after.fluid, place(simulation.scene).fluid)
     assert [motion.mass for motion in simulation.energy.measure()[1]] == pytest.approx(before, rel=1e-14)
 
 
