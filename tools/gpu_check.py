@@ -325,10 +325,7 @@ def tests(device: str, sizes: Sizes) -> dict[str, Any]:
 
 def largest(device: str, sizes: Sizes) -> dict[str, Any]:
     """The column in space with as many particles as one card should hold, and more, a few steps."""
-    found = [
-        in_process(f"rate:column_3d:{particles}:auto", device, sizes, 300.0)
-        for particles in sizes.largest
-    ]
+    found = [in_process(f"rate:column_3d:{particles}:auto", device, sizes, 300.0) for particles in sizes.largest]
     for result in found:
         if "error" in result:
             show(result["error"][-600:])

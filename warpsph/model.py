@@ -165,13 +165,6 @@ class Model:
         initial, self._initial = self._initial, None
         return initial
 
-    def pressure(self, density: np.ndarray, fluid: np.ndarray) -> np.ndarray:
-        """Pressure [Pa], float32, from density [kg/m3] and fluid index, all of shape [n], by the kernels' laws."""
-        p = self.parameters
-        rest, c, stiffening = (a.numpy()[fluid].astype(float) for a in (p.rest_density, p.sound_speed, p.stiffening))
-        x = density / rest
-        return (c**2 * rest * np.where(stiffening > 0.5, (x**7 - 1.0) / 7.0, x - 1.0)).astype(np.float32)
-
 
 def refuse_endless(scene: Scene, viscous: Viscous | None) -> None:
     """Raises SceneError where the longest step of all would be taken too often."""

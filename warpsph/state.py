@@ -10,6 +10,7 @@ from warpsph.device.blocks import blocks_of, stages_of
 from warpsph.device.launch import alias
 from warpsph.kernels.density import BY_GRADIENT
 from warpsph.kernels.neighbours import scatter_kernel
+from warpsph.kernels.state_equation import find_pressure
 from warpsph.model import Model
 from warpsph.placement.images import folded
 
@@ -191,29 +192,34 @@ class State:
         """The clock as it is now, a record of CLOCK."""
         return self.model.launcher.read(self._clock).view(CLOCK)[0].copy()
 
-    def _in_id_order(self, values: wp.array) -> np.ndarray:
-        """An array of the particles on the host, in id order: the device puts it in order."""
+    def snapshot(self, pinned: dict[str, wp.array] | None = None) -> Snapshot:
+        """Copy the fluid to the host, in id order.
+
+        `pinned` is for those who copy again and again: memory that a GPU writes into by itself, many times as fast. It
+        is made at the first time; the snapshot is good until it is given again.
+        """
+        m, device = self.model, self.model.launcher.device
+        pressure = wp.empty(m.particle_count, dtype=float, device=device)
+        m.launcher.run(find_pressure, m.particle_count, [m.parameters, self.density, self.fluid, pressure])
+        arrays = {name: getattr(self, name) for name in ("position", "velocity", "density", "fluid")}
+        arrays["pressure"] = pressure
+        if m.viscous is not None and m.viscous.law is not None:
+            arrays |= {"apparent_viscosity": self.apparent_viscosity, "yielded": self.yielded}
+        ordered = {name: self._in_id_order(values) for name, values in arrays.items()}
+        if pinned is not None and device.is_cuda:
+            for name, values in ordered.items():
+                if name not in pinned:
+                    pinned[name] = wp.empty(len(values), dtype=values.dtype, device="cpu", pinned=True)
+                wp.copy(pinned[name], values)
+            wp.synchronize_stream(device)
+            ordered = pinned
+        found, clock = {name: values.numpy() for name, values in ordered.items()}, self.clock()
+        found["position"], found["velocity"] = folded(m.edges, m.seen_images, found["position"], found["velocity"])
+        ids = np.arange(m.particle_count, dtype=np.int64)
+        return Snapshot(time=float(clock["time"]), step=int(clock["step"]), id=ids, **found)
+
+    def _in_id_order(self, values: wp.array) -> wp.array:
+        """A copy of an array of the particles, in id order."""
         ordered = wp.empty_like(values)
         self.model.launcher.run(scatter_kernel(values.dtype), len(values), [self.id, values, ordered])
-        return ordered.numpy()
-
-    def snapshot(self) -> Snapshot:
-        """Copy the fluid to the host, in id order."""
-        clock, density, fluid = self.clock(), self._in_id_order(self.density), self._in_id_order(self.fluid)
-        position, velocity = folded(
-            *(self.model.edges, self.model.seen_images),
-            *(self._in_id_order(self.position), self._in_id_order(self.velocity)),
-        )
-        has_rheology = self.model.viscous is not None and self.model.viscous.law is not None
-        return Snapshot(
-            time=float(clock["time"]),
-            step=int(clock["step"]),
-            position=position,
-            velocity=velocity,
-            density=density,
-            pressure=self.model.pressure(density, fluid),
-            fluid=fluid,
-            id=np.arange(self.model.particle_count, dtype=np.int64),
-            apparent_viscosity=self._in_id_order(self.apparent_viscosity) if has_rheology else None,
-            yielded=self._in_id_order(self.yielded) if has_rheology else None,
-        )
+        return ordered

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import warp as wp
 
 import warpsph
 from warpsph.placement.images import mirror_lines, periods
@@ -34,6 +35,7 @@ class Outputs:
         self._scene, self._simulation, self._folder, self._resume_at = scene, simulation, folder, resume_at
         self._frame = resume_at or 0
         self._writer, self._writing = ThreadPoolExecutor(1), None
+        self._pinned: tuple[dict[str, wp.array], ...] = ({}, {})  # one is written out while the other is filled
         self._is_open = False
         self._pictures: FrameWriter | None = None
         self._cache: UsdCache | None = None
@@ -98,7 +100,7 @@ class Outputs:
         """
         if not (self._scene.output.pictures or self._scene.output.usd):
             return
-        snapshot = self._simulation.state.snapshot()
+        snapshot = self._simulation.state.snapshot(self._pinned[self._frame % 2])
         places = self._simulation.bodies.places() if self._simulation.bodies else []
         self.wait()
         self._writing = self._writer.submit(self._write, self._frame, snapshot, places)

@@ -257,6 +257,8 @@ def folded(edges: Sequence[Edge], images: Sequence[Image], position: Array, velo
 
     `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types.
     """
+    if not edges:
+        return position, velocity
     position, velocity = position.copy(), velocity.copy()
     for edge, image in zip(edges, images, strict=False):
         out = np.flatnonzero(position @ edge.normal < edge.offset)
