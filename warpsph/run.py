@@ -59,7 +59,7 @@ class Run:
     def __init__(
         self,
         scene: Scene,
-        folder: Path,
+        folder: Path | str,
         *,
         device: str = "cpu",
         threads: int | None = None,
@@ -76,6 +76,7 @@ class Run:
             DeviceError: there is no such device.
         """
         self._began = time.perf_counter() if began is None else began
+        folder = Path(folder)
         self.scene, self.folder = scene, folder
         if not resume:
             refuse_used_folder(folder, overwrite)
