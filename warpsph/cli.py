@@ -31,14 +31,9 @@ class _InputError(Exception):
 
 def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
     """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
-    parser = _parser()
-    options = parser.parse_args(arguments)
-    if options.command is None:
-        parser.print_help()
-        return OK
-
     from warpsph.run import FolderError  # the heavy imports come only once the words are understood
 
+    options = _parser().parse_args(arguments)
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()
     try:
@@ -56,7 +51,7 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
     parser.add_argument("--version", action="version", version=f"warpsph {warpsph.__version__}")
-    parser.set_defaults(command=None)
+    parser.set_defaults(command=lambda _: parser.print_help() or OK)
     commands = parser.add_subparsers(metavar="COMMAND")
 
     def command(name: str, function: Any, help: str) -> argparse.ArgumentParser:
@@ -124,13 +119,6 @@ def _log_to_terminal() -> None:
     log.addHandler(handler)
 
 
-def _load(options: argparse.Namespace) -> Scene:
-    overrides = [*options.set]
-    if options.until is not None:
-        overrides.append(f"run.end_time={options.until}")
-    return load_scene(_scene_file(options.file), overrides)
-
-
 def _scene_file(given: Path) -> Path:
     """The scene file that the user means: a path, or the name of a scene that ships, as `list` prints it."""
     shipped = {path.stem: path for path in SCENES.glob("*.yaml")}
@@ -140,6 +128,14 @@ def _scene_file(given: Path) -> Path:
         known = nearest(given.name, shipped) or "; `list` names those that ship"
         raise _InputError(f"{given}: no such file, and no scene of that name ships{known}")
     return shipped[given.name]
+
+
+def _load(options: argparse.Namespace) -> Scene:
+    options.file = _scene_file(options.file)
+    overrides = [*options.set]
+    if options.until is not None:
+        overrides.append(f"run.end_time={options.until}")
+    return load_scene(options.file, overrides)
 
 
 def _scene(options: argparse.Namespace) -> int:

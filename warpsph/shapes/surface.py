@@ -17,6 +17,7 @@ from warpsph.scene.boundaries import Face
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Shape
 from warpsph.shapes.outline import Array, Line, Outline, closed_outline, wall_outline
+from warpsph.shapes.points import turned
 
 FACES = get_args(Face)  # two for each axis, the low one first
 
@@ -135,7 +136,7 @@ class Sheet:
     def set_back(self, distance: float, side: int) -> Sheet:
         """The parallel wall `distance` [m] behind, seen from `side`; it reaches as far beyond its width."""
         width = (self.width[0] - distance, self.width[1] + distance) if self.width else None
-        return Sheet(self.outline.shifted(-distance * side), width)
+        return Sheet(self.outline.offset(-distance * side), width)
 
     def sample(self, spacing: float) -> tuple[Array, Array, Array]:
         """Points at most `spacing` [m] apart, on a lattice across the width.
@@ -339,10 +340,10 @@ class Frame:
 
 
 def _turned(points: Array, angle: float) -> Array:
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    turned = points.copy()
-    turned[:, [0, 2]] = in_plane(points) @ np.array([[c, s], [-s, c]])
-    return turned
+    """Points [n, 3] turned by `angle` [degrees] in the x-z plane."""
+    copies = points.copy()
+    copies[:, [0, 2]] = turned(in_plane(points), math.radians(angle))
+    return copies
 
 
 @dataclass(frozen=True)
