@@ -1,5 +1,6 @@
-"""The house: imports go down the staircase, in no circle, and the lists that tell of it name what is there."""
+"""The house: imports go down the staircase, in no circle; what its pages lead to is there."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -14,3 +15,28 @@ def test_imports_go_down_the_staircase(monkeypatch, capsys):
     told = capsys.readouterr().out
     assert status == cli.EXIT_STATUS_SUCCESS, told
     assert "4 kept, 0 broken" in told
+
+
+@pytest.mark.parametrize(
+    "page",
+    sorted(ROOT.glob("*.md")) + sorted(ROOT.glob("[!.]*/**/README.md")),
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
+def test_links_lead_somewhere(page):
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8"))
+    missing = [link for link in links if "://" not in link and not (page.parent / link).exists()]
+    assert not missing
+
+
+def test_figures_of_the_front_page_are_those_of_the_books():
+    """The front page has eight at most, each of them told in full where all results or all speeds are."""
+    front, results, speeds = (
+        (ROOT / name / "README.md").read_text(encoding="utf-8") for name in (".", "warpsph/validation", "tools/bench")
+    )
+    rows = [row.split("|")[1:5] for row in front.split("| figure |")[1].split("\n\n")[0].splitlines()[2:]]
+    assert 0 < len(rows) <= 8
+    for _, measured, reference, command in rows:
+        book = speeds if "bench.py" in command else results
+        for cell in (measured, reference):
+            for number in re.findall(r"\d[\d.]*", cell):
+                assert re.search(rf"(?<![\d.]){re.escape(number)}(?![\d.])", book), f"{cell.strip()} is not told"
