@@ -20,8 +20,8 @@ import warp as wp
 
 from .corrections import LEAST_MOMENT, LEAST_SPAN, MOMENTS_WITH, Moments, moments_matrix, spanning_inverse
 from .images import Images
+from .layout import CPU_LAYOUT, Layout, compiler_options
 from .parameters import Parameters
-from .rates import CPU_LAYOUT, Layout, compiler_options
 from .smoothing import SMOOTHING
 
 # Second moments less than the first of these are those of a surface, and more than the second of the inside.
@@ -62,7 +62,7 @@ def balance_kernel(
 ) -> wp.Kernel:
     """The pair loop of lambda: one sweep of Jacobi's iteration."""
     slope, moments_with = SMOOTHING[smoothing].slope, MOMENTS_WITH[dimensions]
-    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
     of = BALANCE[dimensions]
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
@@ -76,7 +76,7 @@ def balance_kernel(
         place: wp.array[wp.vec4],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         balance: wp.array[float],
@@ -88,11 +88,9 @@ def balance_kernel(
 
         M = Moments()
         rest_x, rest_y, rest_z = float(0.0), float(0.0), float(0.0)
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + inner_count[i] * stride
+        k, end = int(0), int(inner_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, _u_j, _v_j, _w_j, _p_j = load(position_volume, packed_velocity, j)
             b_x, b_y, b_z = of(balance, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
@@ -102,14 +100,14 @@ def balance_kernel(
             rest_x += t * x
             rest_y += t * y
             rest_z += t * z
-            k += stride
+            k += 1
 
         rest = wp.vec3(rest_x, rest_y, rest_z)
         if wp.static(with_images):
             x_vec = wp.vec3(x_i, y_i, z_i)
-            end = i * parameters.row_stride + neighbour_count[i] * stride
+            end = neighbour_count[i]
             while k < end:
-                j = neighbour_list[k]
+                j = entry(neighbour_list, i, k)
                 g = j - particle_count
                 b_x, b_y, b_z = of(balance, ghost_source[g])
                 lambda_g = images.rotation[ghost_image[g]] * wp.vec3(b_x, b_y, b_z)
@@ -118,7 +116,7 @@ def balance_kernel(
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
                 rest += s * (1.0 - wp.dot(lambda_g, x_ig)) * x_ig
-                k += stride
+                k += 1
         n = parameters.gradient_norm
         inside = share_inside(n * (M.xx + M.yy + M.zz) / float(parameters.dimensions))
         balance_out[i] = inside * (spanning_inverse(moments_matrix(M, n), LEAST_MOMENT, LEAST_SPAN) * (n * rest))

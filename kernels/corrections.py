@@ -5,6 +5,8 @@ from functools import cache
 
 import warp as wp
 
+from .blocks import Blocks
+from .layout import CPU_LAYOUT, Layout
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import internal_energy, pressure
@@ -69,7 +71,9 @@ def is_due(step: int, every: int) -> bool:
 
 
 @cache
-def density_filter_kernel(smoothing: str, correction: str, by_volume: bool = True) -> wp.Kernel:
+def density_filter_kernel(
+    smoothing: str, correction: str, by_volume: bool = True, layout: Layout = CPU_LAYOUT
+) -> wp.Kernel:
     """Density made anew from that of all around, the particle itself among them; within one fluid.
 
         rho_i = sum_j rho_j V_j (zeta_0 + zeta . (x_j - x_i) / h) W_ij,    zeta from the moments by `correction`
@@ -80,7 +84,7 @@ def density_filter_kernel(smoothing: str, correction: str, by_volume: bool = Tru
     may be any other field: it is interpolated, by `plain` sums too.
     """
     shape = SMOOTHING[smoothing].shape
-    coefficients = CORRECTION[correction]
+    coefficients, entry = CORRECTION[correction], layout.entry
 
     @wp.kernel(module="unique", enable_backward=False)
     def density_filter(
@@ -91,7 +95,7 @@ def density_filter_kernel(smoothing: str, correction: str, by_volume: bool = Tru
         position_volume: wp.array[wp.vec4],
         fluid: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         density: wp.array[wp.float64],
         filtered_out: wp.array[wp.float64],
     ):
@@ -108,9 +112,8 @@ def density_filter_kernel(smoothing: str, correction: str, by_volume: bool = Tru
         second_moment = wp.mat33()
         excess = float(0.0)
         first_excess = wp.vec3()
-        row = i * parameters.row_stride
         for k in range(neighbour_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
+            j = entry(neighbour_list, i, k)
             xV_j = position_volume[j]
             q_ji = (wp.vec3(xV_j[0], xV_j[1], xV_j[2]) - x_i) * parameters.inverse_h
             w_ij = wp.where(fluid[j] == fluid_i, xV_j[3] * shape(wp.sqrt(wp.dot(q_ji, q_ji))), 0.0)
@@ -163,8 +166,7 @@ def take_filtered_density(
 @wp.kernel(enable_backward=False)
 def add_filter_work(
     first: int,
-    particle_count: int,
-    block_size: int,
+    blocks: Blocks,
     every: int,
     step: wp.array[int],
     work: wp.array[wp.vec3],
@@ -175,8 +177,10 @@ def add_filter_work(
     if not is_due(step[0], every):
         return
     done = wp.vec3d()
-    for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        done += wp.vec3d(work[i])
+    for k in range(blocks.size):
+        i = block * blocks.apart + k * blocks.stride
+        if i < blocks.count:
+            done += wp.vec3d(work[i])
     total_work_inout[block] = total_work_inout[block] + done
 
 

@@ -6,6 +6,7 @@ from functools import cache
 import warp as wp
 
 from .corrections import renormalisation
+from .layout import CPU_LAYOUT, Layout
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import density_of
@@ -49,9 +50,9 @@ BY_GRADIENT = frozenset({"antuono"})
 
 
 @cache
-def pressure_gradient_kernel(smoothing: str) -> wp.Kernel:
+def pressure_gradient_kernel(smoothing: str, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
     """The pair loop of <grad p>_i = B_i sum_j V_j (p_j - p_i) grad_i W_ij within a fluid, B_i of Vasco (2014) eq 54."""
-    slope = SMOOTHING[smoothing].slope
+    slope, entry = SMOOTHING[smoothing].slope, layout.entry
 
     @wp.kernel(module="unique", enable_backward=False)
     def pressure_gradient(
@@ -61,7 +62,7 @@ def pressure_gradient_kernel(smoothing: str) -> wp.Kernel:
         velocity_pressure: wp.array[wp.vec4],
         fluid: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         pressure_gradient_out: wp.array[wp.vec3],
     ):
         """<grad p>_i [Pa/m], exact for a linear pressure wherever neighbours of the same fluid span space."""
@@ -70,9 +71,8 @@ def pressure_gradient_kernel(smoothing: str) -> wp.Kernel:
         x_i = wp.vec3(xV_i[0], xV_i[1], xV_i[2])
 
         M, rise = wp.mat33(), wp.vec3()
-        row = i * parameters.row_stride
         for k in range(neighbour_count[i]):
-            j = neighbour_list[row + k * parameters.column_stride]
+            j = entry(neighbour_list, i, k)
             xV_j, p_j = position_volume[j], velocity_pressure[j][3]
             x_ij = x_i - wp.vec3(xV_j[0], xV_j[1], xV_j[2])
             q = wp.sqrt(wp.dot(x_ij, x_ij)) * parameters.inverse_h

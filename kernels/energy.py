@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from .blocks import Blocks
 from .parameters import Parameters
 from .state_equation import internal_energy
 
@@ -24,8 +25,7 @@ COLUMN_COUNT = 15
 def sum_blocks(
     first: int,
     parameters: Parameters,
-    particle_count: int,
-    block_size: int,
+    blocks: Blocks,
     fluid_count: int,
     position: wp.array[wp.vec3d],
     velocity: wp.array[wp.vec3],
@@ -48,8 +48,9 @@ def sum_blocks(
     done = work[block] if mine == 0 else wp.vec3d()  # a block's, of whatever fluids
     front = wp.float64(-wp.inf)
     top_speed = wp.float64(0.0)
-    for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        if fluid[i] == mine:
+    for k in range(blocks.size):
+        i = block * blocks.apart + k * blocks.stride
+        if i < blocks.count and fluid[i] == mine:
             m = wp.float64(parameters.mass[mine])
             x, u = position[i], wp.vec3d(velocity[i])
             mass += m

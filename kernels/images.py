@@ -12,8 +12,12 @@ so that nothing passes a mirror, and fluid at rest is at rest there too: a press
 6.1.2) has no slope across the wall, and lets it fall in. Friction sees another velocity, `velocity_beyond`.
 """
 
+from functools import cache
+
 import warp as wp
 
+from .blocks import Blocks
+from .layout import Layout
 from .neighbours import BLOCK_EDGE, CellGrid, place_of
 from .parameters import Parameters
 
@@ -125,12 +129,14 @@ def fold(
 
 
 @wp.kernel(enable_backward=False)
-def book_lift(first: int, particle_count: int, block_size: int, lift: wp.array[float], work_inout: wp.array[wp.vec3d]):
+def book_lift(first: int, blocks: Blocks, lift: wp.array[float], work_inout: wp.array[wp.vec3d]):
     """Book the work of folding, as work of walls, with that of each block of particles [J]."""
     block = first + wp.tid()
     done = wp.float64(0.0)
-    for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        done += wp.float64(lift[i])
+    for k in range(blocks.size):
+        i = block * blocks.apart + k * blocks.stride
+        if i < blocks.count:
+            done += wp.float64(lift[i])
     work_inout[block] = work_inout[block] + wp.vec3d(wp.float64(0.0), done, wp.float64(0.0))
 
 
@@ -220,43 +226,53 @@ def move_ghosts(
         ghost_velocity_pressure_out[g] = wp.vec4(u_beyond[0], v_or_x, u_beyond[2], up[3] + rise)
 
 
-@wp.kernel(enable_backward=False)
-def list_ghosts(
-    first: int,
-    grid: CellGrid,
-    parameters: Parameters,
-    particle_count: int,
-    ghost_start: wp.array[int],
-    ghost_order: wp.array[int],
-    cell: wp.array[int],
-    position: wp.array[wp.vec3],
-    ghost_position: wp.array[wp.vec3],
-    count_inout: wp.array[int],
-    list_out: wp.array[int],
-    inner_count_out: wp.array[int],
-):
-    """Append the ghosts within the list radius to row i; a count of the capacity less one says that it was cut short.
+@cache
+def list_ghosts_kernel(layout: Layout) -> wp.Kernel:
+    """A kernel that appends ghosts to the lists, which lie by column or by row."""
+    set_entry = layout.set_entry
 
-    A ghost that stands exactly where the particle does is left out: between those no force has a direction.
-    """
-    i = first + wp.tid()
-    x_i, cell_i = position[i], cell[i]
-    square_radius = parameters.list_radius * parameters.list_radius
-    along, row_cells, layer_cells = grid.reach[0], grid.count[0], grid.count[0] * grid.count[1]
-    row = i * parameters.row_stride
-    n = count_inout[i]
-    inner_count_out[i] = n
-    for b in range(-grid.reach[1], grid.reach[1] + 1):
-        for a in range(-grid.reach[2], grid.reach[2] + 1):
-            middle = cell_i + a * layer_cells + b * row_cells
-            for slot in range(ghost_start[middle - along], ghost_start[middle + along + 1]):
-                g = ghost_order[slot]
-                x_ig = x_i - ghost_position[g]
-                square = wp.dot(x_ig, x_ig)
-                if square > 0.0 and square < square_radius and n < parameters.list_capacity - 1:
-                    list_out[row + n * parameters.column_stride] = particle_count + g
-                    n += 1
-    count_inout[i] = n
+    @wp.kernel(module="unique", enable_backward=False)
+    def list_ghosts(
+        first: int,
+        grid: CellGrid,
+        parameters: Parameters,
+        particle_count: int,
+        ghost_start: wp.array[int],
+        ghost_order: wp.array[int],
+        cell: wp.array[int],
+        position: wp.array[wp.vec3],
+        ghost_position: wp.array[wp.vec3],
+        count_inout: wp.array[int],
+        list_out: wp.array2d[int],
+        inner_count_out: wp.array[int],
+        too_long_out: wp.array[int],
+    ):
+        """Append the ghosts within the list radius to row i; `too_long_out[0]` is set where one found no room.
+
+        A ghost that stands exactly where the particle does is left out: between those no force has a direction.
+        """
+        i = first + wp.tid()
+        x_i, cell_i = position[i], cell[i]
+        square_radius = parameters.list_radius * parameters.list_radius
+        along, row_cells, layer_cells = grid.reach[0], grid.count[0], grid.count[0] * grid.count[1]
+        n = count_inout[i]
+        inner_count_out[i] = n
+        for b in range(-grid.reach[1], grid.reach[1] + 1):
+            for a in range(-grid.reach[2], grid.reach[2] + 1):
+                middle = cell_i + a * layer_cells + b * row_cells
+                for slot in range(ghost_start[middle - along], ghost_start[middle + along + 1]):
+                    g = ghost_order[slot]
+                    x_ig = x_i - ghost_position[g]
+                    square = wp.dot(x_ig, x_ig)
+                    if square > 0.0 and square < square_radius:
+                        if n < parameters.list_capacity - 1:
+                            set_entry(list_out, i, n, particle_count + g)
+                            n += 1
+                        else:
+                            too_long_out[0] = 1
+        count_inout[i] = n
+
+    return list_ghosts
 
 
 @wp.func

@@ -23,6 +23,7 @@ from collections.abc import Mapping
 
 import warp as wp
 
+from .blocks import Blocks
 from .parameters import Parameters
 from .state_equation import pressure
 
@@ -349,8 +350,7 @@ def correct(
 @wp.kernel(enable_backward=False)
 def watch_blocks(
     first: int,
-    particle_count: int,
-    block_size: int,
+    blocks: Blocks,
     dt_limit: wp.array[float],
     fault: wp.array[int],
     work: wp.array[wp.vec3],
@@ -358,16 +358,18 @@ def watch_blocks(
     dt_limit_out: wp.array[float],
     fault_slot_out: wp.array[int],
 ):
-    """Least dt limit and first faulty slot of a block of particles (-1: none); its work is added to what was done."""
+    """Least dt limit and first faulty slot of each block of particles (-1: none); work is added to what was done."""
     block = first + wp.tid()
     least = float(wp.inf)
     slot = int(-1)
     done = wp.vec3d()
-    for i in range(block * block_size, wp.min((block + 1) * block_size, particle_count)):
-        done += wp.vec3d(work[i])
-        least = wp.min(least, dt_limit[i])
-        if slot < 0 and fault[i] != SOUND:
-            slot = i
+    for k in range(blocks.size):
+        i = block * blocks.apart + k * blocks.stride
+        if i < blocks.count:
+            done += wp.vec3d(work[i])
+            least = wp.min(least, dt_limit[i])
+            if slot < 0 and fault[i] != SOUND:
+                slot = i
     total_work_inout[block] = total_work_inout[block] + done
     dt_limit_out[block] = least
     fault_slot_out[block] = slot
@@ -376,21 +378,22 @@ def watch_blocks(
 @wp.kernel(enable_backward=False)
 def collect_blocks(
     first: int,
-    count: int,
-    block_size: int,
+    blocks: Blocks,
     dt_limit: wp.array[float],
     fault_slot: wp.array[int],
     dt_limit_out: wp.array[float],
     fault_slot_out: wp.array[int],
 ):
-    """Least dt limit and first faulty slot of `block_size` blocks in a row: fewer for the one thread of the clock."""
+    """Least dt limit and a faulty slot of blocks of blocks: fewer for the one thread of the clock."""
     top = first + wp.tid()
     least = float(wp.inf)
     slot = int(-1)
-    for b in range(top * block_size, wp.min((top + 1) * block_size, count)):
-        least = wp.min(least, dt_limit[b])
-        if slot < 0:
-            slot = fault_slot[b]
+    for k in range(blocks.size):
+        b = top * blocks.apart + k * blocks.stride
+        if b < blocks.count:
+            least = wp.min(least, dt_limit[b])
+            if slot < 0:
+                slot = fault_slot[b]
     dt_limit_out[top] = least
     fault_slot_out[top] = slot
 

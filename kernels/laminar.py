@@ -16,8 +16,8 @@ import warp as wp
 
 from .balance import BALANCE, SURFACE_MOMENT, balance_factor, share_inside
 from .images import Images, velocity_beyond
+from .layout import CPU_LAYOUT, Layout, compiler_options
 from .parameters import Parameters
-from .rates import CPU_LAYOUT, Layout, compiler_options
 from .rheology import Rheology
 from .smoothing import SMOOTHING
 
@@ -78,7 +78,7 @@ def laminar_acceleration_kernel(
     """
     slope = SMOOTHING[smoothing].slope
     force, between, balance_of = LAMINAR[form], MEAN[mean], BALANCE[dimensions]
-    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def laminar_acceleration(
@@ -92,7 +92,7 @@ def laminar_acceleration_kernel(
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         balance: wp.array[float],
@@ -107,11 +107,9 @@ def laminar_acceleration_kernel(
             b_x, b_y, b_z = balance_of(balance, i)
 
         viscous_x, viscous_y, viscous_z = float(0.0), float(0.0), float(0.0)
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + inner_count[i] * stride
+        k, end = int(0), int(inner_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, velocity_viscosity, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
@@ -124,14 +122,14 @@ def laminar_acceleration_kernel(
             viscous_x += s * (A * u + B * x)
             viscous_y += s * (A * v + B * y)
             viscous_z += s * (A * w + B * z)
-            k += stride
+            k += 1
 
         by_viscosity = wp.vec3(viscous_x, viscous_y, viscous_z)
         if wp.static(with_images):
             x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
-            end = i * parameters.row_stride + neighbour_count[i] * stride
+            end = neighbour_count[i]
             while k < end:
-                j = neighbour_list[k]
+                j = entry(neighbour_list, i, k)
                 g = j - particle_count
                 xV_g = place[j]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, ghost_source[g])
@@ -148,7 +146,7 @@ def laminar_acceleration_kernel(
                     s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
                 A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
                 by_viscosity += s * (A * u_ig + B * x_ig)
-                k += stride
+                k += 1
 
         inverse_rho_i = V_i / parameters.mass[fluid[i]]
         laminar_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_viscosity

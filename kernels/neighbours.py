@@ -5,6 +5,8 @@ from typing import Any
 
 import warp as wp
 
+from .blocks import Blocks
+from .layout import Layout
 from .parameters import Parameters
 
 # Edge of a block of cells, in cells. Two particles in blocks that do not touch are farther apart than this.
@@ -101,6 +103,14 @@ def find_starts(first: int, count: int, cell_count: int, cell: wp.array[int], st
             start_out[c] = count
 
 
+@wp.kernel(enable_backward=False)
+def search_starts(first: int, count: int, cell: wp.array[int], start_out: wp.array[int]):
+    """The same, each cell by itself: where most cells are empty `find_starts` lets one thread write very many."""
+    c = first + wp.tid()
+    # Beyond them all wp.lower_bound stops one short.
+    start_out[c] = wp.where(c > cell[count - 1], count, wp.lower_bound(cell, 0, count, c))
+
+
 @cache
 def gather_kernel(dtype: Any) -> wp.Kernel:
     """A kernel that permutes one array of `dtype`."""
@@ -112,6 +122,19 @@ def gather_kernel(dtype: Any) -> wp.Kernel:
         values_out[i] = values[order[i]]
 
     return gather
+
+
+@cache
+def scatter_kernel(dtype: Any) -> wp.Kernel:
+    """A kernel that undoes a permutation of one array of `dtype`."""
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def scatter(first: int, place: wp.array[int], values: wp.array[dtype], values_out: wp.array[dtype]):
+        """values_out[place[i]] = values[i]; no two have the same place."""
+        i = first + wp.tid()
+        values_out[place[i]] = values[i]
+
+    return scatter
 
 
 @cache
@@ -128,8 +151,9 @@ def copy_kernel(dtype: Any) -> wp.Kernel:
 
 
 @cache
-def list_kernel(by_column: bool) -> wp.Kernel:
+def list_kernel(layout: Layout) -> wp.Kernel:
     """A kernel that fills the lists, which lie by column or by row."""
+    set_entry = layout.set_entry
 
     @wp.kernel(module="unique", enable_backward=False)
     def list_neighbours(
@@ -140,9 +164,10 @@ def list_kernel(by_column: bool) -> wp.Kernel:
         cell: wp.array[int],
         position: wp.array[wp.vec3],
         count_out: wp.array[int],
-        list_out: wp.array[int],
+        list_out: wp.array2d[int],
+        too_long_out: wp.array[int],
     ):
-        """All particles closer than the list radius. A count of the capacity less one says that a row was cut short.
+        """All particles closer than the list radius; `too_long_out[0]` is set where a row may have been cut short.
 
         Every candidate is written, and the next one over it unless it was a neighbour: off the lattice a jump is
         mispredicted every other time, which costs more than a store. So a row has one place more than it may fill, and
@@ -153,10 +178,8 @@ def list_kernel(by_column: bool) -> wp.Kernel:
         x_i, cell_i = position[i], cell[i]
         square_radius = parameters.list_radius * parameters.list_radius
         along, row_cells, layer_cells = grid.reach[0], grid.count[0], grid.count[0] * grid.count[1]
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        row = i * parameters.row_stride
-        last = row + (parameters.list_capacity - 1) * stride
-        place = row
+        last = parameters.list_capacity - 1
+        k = int(0)
         for b in range(-grid.reach[1], grid.reach[1] + 1):
             for a in range(-grid.reach[2], grid.reach[2] + 1):
                 middle = cell_i + a * layer_cells + b * row_cells
@@ -164,12 +187,14 @@ def list_kernel(by_column: bool) -> wp.Kernel:
                 end = start[middle + along + 1]
                 while j < end:
                     x_ij = x_i - position[j]
-                    list_out[place] = j
+                    set_entry(list_out, i, k, j)
                     square = wp.dot(x_ij, x_ij)
                     is_near = square * (square_radius - square) > 0.0
-                    place = wp.min(place + wp.where(is_near, stride, 0), last)
+                    k = wp.min(k + wp.where(is_near, 1, 0), last)
                     j += 1
-        count_out[i] = (place - row) / stride
+        count_out[i] = k
+        if k == last:
+            too_long_out[0] = 1
 
     return list_neighbours
 
@@ -321,10 +346,12 @@ def compare_motion(
 
 
 @wp.kernel(enable_backward=False)
-def largest_of_blocks(first: int, count: int, block_size: int, values: wp.array[float], largest_out: wp.array[float]):
-    """The largest of `block_size` values in a row, at least 0."""
+def largest_of_blocks(first: int, blocks: Blocks, values: wp.array[float], largest_out: wp.array[float]):
+    """The largest value of each block, at least 0."""
     block = first + wp.tid()
     largest = float(0.0)
-    for i in range(block * block_size, wp.min((block + 1) * block_size, count)):
-        largest = wp.max(largest, values[i])
+    for k in range(blocks.size):
+        i = block * blocks.apart + k * blocks.stride
+        if i < blocks.count:
+            largest = wp.max(largest, values[i])
     largest_out[block] = largest

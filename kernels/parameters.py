@@ -17,8 +17,6 @@ class Parameters:
     # neighbour lists
     list_radius: float  # support h (1 + skin) [m]
     list_capacity: int  # longest row that fits
-    row_stride: int  # entry k of row i lies at i row_stride + k column_stride
-    column_stride: int
     # forces
     gravity: wp.vec3  # and the body force [m/s2]
     hydrostatic: wp.vec3  # gravity alone, which fluid at rest carries by its pressure [m/s2]

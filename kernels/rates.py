@@ -1,33 +1,19 @@
 """The pair loop: acceleration and rate of density of every particle, in one sweep over its neighbours."""
 
-import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import warp as wp
 
 from .corrections import renormalisation_of_a_body
 from .density import BY_GRADIENT, DENSITY_DIFFUSION
+from .layout import CPU_LAYOUT, Layout, compiler_options
 from .momentum import TENSILE
 from .neighbours import CellGrid, cell_number, row_offset
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .viscosity import VISCOSITY
-
-# Leave to add the terms of a sum in any order: without it no compiler runs several pairs at once. NaN and infinity keep
-# their meaning. (Options of LLVM, for the CPU; CUDA does not read them.)
-REORDER_SUMS = " -mreassociate -fno-signed-zeros"
-# Four vectors of pairs in flight hide each other's gathers.
-LONG_ROWS = REORDER_SUMS + " -mllvm=-force-vector-interleave=4"
-# A row of cells holds a dozen or so candidates: one vector, with the lanes masked that are too many.
-SHORT_ROWS = REORDER_SUMS + (
-    " -mllvm=-force-vector-interleave=1 -mllvm=-force-vector-width=16"
-    " -mllvm=-prefer-predicate-over-epilogue=predicate-else-scalar-epilogue"
-)
-# A load for each neighbour rather than gathers, which wait for the slowest of eight (measured on Zen 5).
-LOAD_ONE_BY_ONE = " -target-feature +prefer-no-gather" if platform.machine() in ("x86_64", "AMD64") else ""
 
 
 @dataclass(frozen=True)
@@ -53,72 +39,6 @@ class Formulas:
     fluid_count: int = 0
     dimensions: int = 3
     neighbours: str = "lists"
-
-
-@wp.func
-def low(pair: wp.uint64) -> float:
-    """The first of two floats that were loaded at once."""
-    return wp.cast(wp.uint32(pair), wp.float32)
-
-
-@wp.func
-def high(pair: wp.uint64) -> float:
-    """The second of two floats that were loaded at once."""
-    return wp.cast(wp.uint32(pair >> wp.uint64(32)), wp.float32)
-
-
-@wp.func
-def load_pairs(position_volume: wp.array[wp.uint64], velocity_pressure: wp.array[wp.uint64], i: int):
-    """x, y, z, V, u, v, w, p of particle i, in four loads of two floats."""
-    x_y, z_V = position_volume[2 * i], position_volume[2 * i + 1]
-    u_v, w_p = velocity_pressure[2 * i], velocity_pressure[2 * i + 1]
-    return low(x_y), high(x_y), low(z_V), high(z_V), low(u_v), high(u_v), low(w_p), high(w_p)
-
-
-@wp.func
-def load_pairs_in_plane(position_volume: wp.array[wp.uint64], velocity_pressure: wp.array[wp.uint64], i: int):
-    """The same in a plane, in three loads: x lies beside u, in the place of v, and every term of y and v vanishes."""
-    z_V = position_volume[2 * i + 1]
-    u_x, w_p = velocity_pressure[2 * i], velocity_pressure[2 * i + 1]
-    return high(u_x), 0.0, low(z_V), high(z_V), low(u_x), 0.0, low(w_p), high(w_p)
-
-
-@wp.func
-def load_vectors(position_volume: wp.array[wp.vec4], velocity_pressure: wp.array[wp.vec4], i: int):
-    """x, y, z, V, u, v, w, p of particle i, in two loads of four floats."""
-    xV, up = position_volume[i], velocity_pressure[i]
-    return xV[0], xV[1], xV[2], xV[3], up[0], up[1], up[2], up[3]
-
-
-@wp.func
-def load_vectors_in_plane(position_volume: wp.array[wp.vec4], velocity_pressure: wp.array[wp.vec4], i: int):
-    """The same in a plane: every term of y and v vanishes."""
-    xV, up = position_volume[i], velocity_pressure[i]
-    return xV[0], 0.0, xV[2], xV[3], up[0], 0.0, up[2], up[3]
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How the pair loop reads memory.
-
-    Attributes:
-        packed: Type under which (x, y, z, V) and (u, v, w, p) are handed over: the same memory, seen in two ways.
-        load: wp.func that loads what a particle has, by dimension of space.
-        by_column: Whether the lists lie column by column, so that a warp reads side by side, or row by row.
-    """
-
-    packed: Any
-    load: Mapping[int, Callable[..., Any]]
-    by_column: bool
-
-    def __hash__(self) -> int:
-        return hash(self.by_column)
-
-
-# A GPU loads four floats at once. On a CPU such a load ties the four together and the loop stays scalar; floats in
-# pairs are gathered for 8 neighbours at a time.
-CPU_LAYOUT = Layout(wp.uint64, {2: load_pairs_in_plane, 3: load_pairs}, False)
-CUDA_LAYOUT = Layout(wp.vec4, {2: load_vectors_in_plane, 3: load_vectors}, True)
 
 
 @wp.func
@@ -152,13 +72,6 @@ def one_of_three(values: wp.array[float], f: int) -> float:
 
 
 NUMBER_OF: Mapping[int, wp.Function] = {2: one_of_two, 3: one_of_three}  # by the number of fluids; else looked up
-
-
-def compiler_options(one_by_one: bool = False, neighbours: str = "lists") -> dict[str, str]:
-    """Module options of a kernel whose loop may be run several pairs at a time, or loads its neighbours one by one."""
-    flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
-    flags += SHORT_ROWS if neighbours == "cells" else LONG_ROWS + (LOAD_ONE_BY_ONE if one_by_one else "")
-    return {"cpu_compiler_flags": flags}
 
 
 @cache
@@ -203,7 +116,7 @@ def rates_kernel(
     number_of = NUMBER_OF.get(formulas.fluid_count, looked_up)
     neighbours, one_by_one = formulas.neighbours, formulas.dimensions == 3 or not momentum
     by_list, by_cells = neighbours == "lists", neighbours == "cells"
-    by_column = by_list and layout.by_column
+    entry = layout.entry
     diffusive, by_gradient = momentum and formulas.diffusion != "none", formulas.diffusion in BY_GRADIENT
     plain = continuity and not formulas.renormalised
     renormalised = continuity and formulas.renormalised
@@ -220,7 +133,7 @@ def rates_kernel(
         fluid: wp.array[int],
         pressure_gradient: wp.array[wp.vec3],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         cell_start: wp.array[int],
         listed_position: wp.array[wp.vec3],
         pressure_acceleration_out: wp.array[wp.vec3],
@@ -244,12 +157,10 @@ def rates_kernel(
         # Moments of the neighbours, and what is wanted of the velocity gradient: B is symmetric.
         M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
         L_xx, L_yy, L_zz, L_xy, L_xz, L_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
-        stride = parameters.column_stride if wp.static(by_column) else 1
         k, end = int(0), int(0)
         row, rows, first_cell = int(0), int(1), int(0)
         if wp.static(by_list):
-            k = i * parameters.row_stride
-            end = k + neighbour_count[i] * stride
+            end = neighbour_count[i]
         if wp.static(by_cells):
             first_cell = cell_number(grid, listed_position[i]) - grid.reach[0]
             rows = (2 * grid.reach[1] + 1) * (2 * grid.reach[2] + 1)
@@ -261,7 +172,7 @@ def rates_kernel(
             while k < end:
                 j = int(k)
                 if wp.static(by_list):
-                    j = neighbour_list[k]
+                    j = entry(neighbour_list, i, k)
                 fluid_j = its_fluid(fluid, j, fluid_i)
                 x_j, y_j, z_j, V_j, u_j, v_j, w_j, p_j = load(position_volume, velocity_pressure, j)
                 m_j = number_of(parameters.mass, fluid_j)
@@ -314,7 +225,7 @@ def rates_kernel(
                     smoothed_x -= weight * u
                     smoothed_y -= weight * v
                     smoothed_z -= weight * w
-                k += stride
+                k += 1
             row += 1
 
         n = parameters.gradient_norm

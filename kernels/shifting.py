@@ -30,8 +30,9 @@ from .corrections import (
     moments_matrix,
     renormalisation,
 )
+from .layout import CPU_LAYOUT, Layout, compiler_options
 from .parameters import Parameters
-from .rates import CPU_LAYOUT, Formulas, Layout, compiler_options
+from .rates import Formulas
 from .smoothing import SMOOTHING
 
 PAIRING = wp.constant(0.2)  # R of Sun et al. (2017)
@@ -59,7 +60,7 @@ def least_eigenvalue(M: wp.mat33) -> float:
 def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
     """The pair loop of the moments of neighbours, M = sum_j V_j (x_j - x_i) (x) grad_i W_ij; as in rates.py."""
     slope, moments_with = SMOOTHING[formulas.smoothing].slope, MOMENTS_WITH[formulas.dimensions]
-    load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[formulas.dimensions], layout.packed, layout.entry
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def find_cover(
@@ -68,23 +69,21 @@ def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
         position_volume: wp.array[packed],
         velocity_pressure: wp.array[packed],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         cover_out: wp.array[float],
     ):
         """The least eigenvalue of M: 1 where there are neighbours on all sides, less near a surface."""
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, _u_i, _v_i, _w_i, _p_i = load(position_volume, velocity_pressure, i)
         M = Moments()
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + neighbour_count[i] * stride
+        k, end = int(0), int(neighbour_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, _u_j, _v_j, _w_j, _p_j = load(position_volume, velocity_pressure, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
             M = moments_with(M, s, x, y, z)
-            k += stride
+            k += 1
         cover_out[i] = least_eigenvalue(moments_matrix(M, parameters.gradient_norm))
 
     return find_cover
@@ -94,7 +93,7 @@ def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
 def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
     """The pair loop of the drift, on top of what XSPH wrote if that is in; components as in rates.py."""
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
-    load, packed, by_column = layout.load[formulas.dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[formulas.dimensions], layout.packed, layout.entry
     moments_with, gradient_with = MOMENTS_WITH[formulas.dimensions], GRADIENT_WITH[formulas.dimensions]
     in_space, on_top = formulas.dimensions == 3, formulas.xsph
 
@@ -108,7 +107,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
         velocity_pressure: wp.array[packed],
         fluid: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         cover: wp.array[float],
         xsph_velocity_inout: wp.array[wp.vec3],
     ):
@@ -120,11 +119,9 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
         outward_x, outward_y, outward_z = float(0.0), float(0.0), float(0.0)
         crowd_x, crowd_y, crowd_z = float(0.0), float(0.0), float(0.0)
         surface = wp.where(cover_i < SURFACE, 1.0, 0.0)
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + neighbour_count[i] * stride
+        k, end = int(0), int(neighbour_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, velocity_pressure, j)
             # An image, behind the particles, has no cover of its own.
             cover_j = wp.where(j < particle_count, cover[wp.min(j, particle_count - 1)], cover_i)
@@ -145,7 +142,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
             if wp.static(in_space):
                 outward_y += fall * y
                 crowd_y += repel * y
-            k += stride
+            k += 1
         n, h = parameters.gradient_norm, parameters.smoothing_length
         B = renormalisation(moments_matrix(M, n))
         G = gradient_matrix(L, n) * B

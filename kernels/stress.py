@@ -21,8 +21,8 @@ from .corrections import (
 )
 from .images import Images, velocity_beyond
 from .laminar import MEAN
+from .layout import CPU_LAYOUT, Layout, compiler_options, high, low
 from .parameters import Parameters
-from .rates import CPU_LAYOUT, Layout, compiler_options, high, low
 from .rheology import deviator, isotropic, magnitude
 from .smoothing import SMOOTHING
 
@@ -38,7 +38,7 @@ def velocity_gradient_kernel(
     with B_i of Vasco (2014) eq 54: exact for linear velocities, at a surface and in disorder.
     """
     slope, moments_with, gradient_with = SMOOTHING[smoothing].slope, MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
-    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def velocity_gradient(
@@ -51,7 +51,7 @@ def velocity_gradient_kernel(
         place: wp.array[wp.vec4],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         velocity_gradient_out: wp.array[wp.mat33],
@@ -62,24 +62,22 @@ def velocity_gradient_kernel(
         x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
 
         M, L = Moments(), Gradient()
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + inner_count[i] * stride
+        k, end = int(0), int(inner_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
             M = moments_with(M, s, x, y, z)
             L = gradient_with(L, s, u, v, w, x, y, z)
-            k += stride
+            k += 1
 
         if wp.static(with_images):
             x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
-            end = i * parameters.row_stride + neighbour_count[i] * stride
+            end = neighbour_count[i]
             while k < end:
-                j = neighbour_list[k]
+                j = entry(neighbour_list, i, k)
                 g = j - particle_count
                 xV_g = place[j]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, ghost_source[g])
@@ -90,7 +88,7 @@ def velocity_gradient_kernel(
                 s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
                 L = gradient_with(L, s, u_ig[0], u_ig[1], u_ig[2], x_ig[0], x_ig[1], x_ig[2])
-                k += stride
+                k += 1
         n = parameters.gradient_norm
         velocity_gradient_out[i] = gradient_matrix(L, n) * renormalisation(moments_matrix(M, n))
         second_moment_out[i] = n * (M.xx + M.yy + M.zz) / float(parameters.dimensions)
@@ -111,7 +109,7 @@ def yielding_kernel(
     """
     slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
     moments_with, gradient_with = MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
-    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def find_yielding(
@@ -125,7 +123,7 @@ def yielding_kernel(
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         viscosity: wp.array[float],
@@ -138,23 +136,21 @@ def yielding_kernel(
         mu_i = viscosity[i]
 
         M, G = Moments(), Gradient()
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + inner_count[i] * stride
+        k, end = int(0), int(inner_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
             M = moments_with(M, s, x, y, z)
             G = gradient_with(G, s * between(mu_i, viscosity[j]), u_i - u_j, v_i - v_j, w_i - w_j, x, y, z)
-            k += stride
+            k += 1
 
         if wp.static(with_images):
             x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
-            end = i * parameters.row_stride + neighbour_count[i] * stride
+            end = neighbour_count[i]
             while k < end:
-                j = neighbour_list[k]
+                j = entry(neighbour_list, i, k)
                 g = j - particle_count
                 xV_g, source = place[j], ghost_source[g]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, source)
@@ -166,7 +162,7 @@ def yielding_kernel(
                 M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
                 s *= between(mu_i, viscosity[source])
                 G = gradient_with(G, s, u_ig[0], u_ig[1], u_ig[2], x_ig[0], x_ig[1], x_ig[2])
-                k += stride
+                k += 1
         n = parameters.gradient_norm
         tau = magnitude(deviator(gradient_matrix(G, n) * renormalisation(moments_matrix(M, n)), parameters.dimensions))
         tau_y = yield_stress[fluid[i]]
@@ -278,7 +274,7 @@ def stress_acceleration_kernel(
     `balanced` s_ij has the factor of balance.py.
     """
     slope, between, balance_of = SMOOTHING[smoothing].slope, MEAN[mean], BALANCE[dimensions]
-    load, packed, by_column = layout.load[dimensions], layout.packed, layout.by_column
+    load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
     tensor = TENSOR[layout.packed, dimensions]
     spatial = dimensions == 3
 
@@ -294,7 +290,7 @@ def stress_acceleration_kernel(
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array[int],
+        neighbour_list: wp.array2d[int],
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         stress: wp.array[packed],
@@ -310,11 +306,9 @@ def stress_acceleration_kernel(
         xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i = tensor(stress, i)
 
         stress_x, stress_y, stress_z = float(0.0), float(0.0), float(0.0)
-        stride = parameters.column_stride if wp.static(by_column) else 1
-        k = i * parameters.row_stride
-        end = k + inner_count[i] * stride
+        k, end = int(0), int(inner_count[i])
         while k < end:
-            j = neighbour_list[k]
+            j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, velocity_viscosity, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
@@ -330,15 +324,15 @@ def stress_acceleration_kernel(
                 stress_x += s * (xy_i + xy) * y
                 stress_y += s * ((yx_i + yx) * x + (yy_i + yy) * y + (yz_i + yz) * z + mu * v)
                 stress_z += s * (zy_i + zy) * y
-            k += stride
+            k += 1
 
         by_stress = wp.vec3(stress_x, stress_y, stress_z)
         if wp.static(with_images):
             x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
             S_i = wp.mat33(xx_i, xy_i, xz_i, yx_i, yy_i, yz_i, zx_i, zy_i, zz_i)
-            end = i * parameters.row_stride + neighbour_count[i] * stride
+            end = neighbour_count[i]
             while k < end:
-                j = neighbour_list[k]
+                j = entry(neighbour_list, i, k)
                 g = j - particle_count
                 source, image, xV_g = ghost_source[g], ghost_image[g], place[j]
                 x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, source)
@@ -353,7 +347,7 @@ def stress_acceleration_kernel(
                     b = wp.vec3(b_x, b_y, b_z) - images.rotation[image] * wp.vec3(b_sx, b_sy, b_sz)
                     s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
                 by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * (u_vec - u_g))
-                k += stride
+                k += 1
         inverse_rho_i = V_i / parameters.mass[fluid[i]]
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress
 

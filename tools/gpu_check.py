@@ -10,6 +10,7 @@ runs out of time takes nothing along:
     compile     every scene that ships takes a few steps, in as many processes as there are cores: all kernels compile
     agreement   200 steps on the CPU and on the device: particles end where another order of summation would put them
     landslide   `scene landslide.yaml` with all output, in seconds
+    small_steps steps of scenes of a few thousand particles
     rates       whole steps and pair sweeps: the dam break, the column in space; stages, bandwidth, waits; lists, cells
     resume      a run that goes on from a checkpoint has the bits of one that was never interrupted
     interrupt   Ctrl-C in the middle of a run, and a scene that does not fit into memory: one line each
@@ -53,6 +54,7 @@ from warpsph.simulation import Simulation  # noqa: E402
 SCENES = ROOT / "scenes"
 AGREEING = ("landslide", "still_water_3d", "floating_box_3d", "couette")
 AGREEMENT_STEPS = 200
+SMALL_SCENES = ("landslide", "block_maciel", "floating_box_3d", "couette", "herschel_bulkley")
 # Differences that rounding the start makes are this many times smaller than what is allowed between two devices: these
 # round at every step, not only once.
 MORE_ROUNDING = 100.0
@@ -223,6 +225,22 @@ def rate(case: str, particles: str, neighbours: str, device: str, sizes: Sizes) 
     return result
 
 
+def small_steps(device: str, sizes: Sizes) -> dict[str, Any]:
+    """Steps of scenes that ship, where what counts is how long a launch and a loop in one thread take."""
+    found = {}
+    for scene in SMALL_SCENES[:1] if sizes is SMALL else SMALL_SCENES:
+        simulation = simulate(scene, device)
+        run_steps(simulation, sizes.steps)
+        timing = bench.time_steps(simulation, 5 * sizes.steps)
+        table = stages.stage_times(simulation.step, sizes.steps)
+        count = simulation.model.particle_count
+        step = 1e3 * count / timing.updates_per_second
+        found[scene] = {"particles": count, "milliseconds a step": step, "stages": table}
+        show(f"{scene} {count:,}: {step:.3f} ms a step, lists every {timing.steps_per_list:.1f}")
+        show("    " + ", ".join(f"{name} {ms:.3f}" for name, ms in table.items()) + " ms")
+    return found | {"ok": True}
+
+
 def resume(device: str, sizes: Sizes) -> dict[str, Any]:
     """Bits after a checkpoint in the middle against those of a run without."""
     found, ok = {}, True
@@ -319,6 +337,7 @@ SECTIONS: dict[str, tuple[Callable[[str, Sizes], dict[str, Any]], float]] = {  #
     "compile": (compile_all, 300.0),
     "agreement": (agreement, 120.0),
     "landslide": (landslide, 90.0),
+    "small_steps": (small_steps, 90.0),
     "rates": (rates, 300.0),
     "resume": (resume, 60.0),
     "interrupt": (interrupt, 180.0),

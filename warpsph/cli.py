@@ -6,6 +6,7 @@
 import argparse
 import json
 import logging
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -31,7 +32,8 @@ class _InputError(Exception):
 
 def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
     """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
-    from warpsph.run import FolderError  # the heavy imports come only once the words are understood
+    from warpsph.memory import NoRoomError  # the heavy imports come only once the words are understood
+    from warpsph.run import FolderError
 
     options = _parser().parse_args(arguments)
     options.began = time.perf_counter() if began is None else began
@@ -42,8 +44,13 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
         return _complain(str(error), INPUT)
     except KeyboardInterrupt:
         return _complain("stopped from the keyboard", MACHINE)
-    except MemoryError:
-        return _complain("out of memory: use a larger spacing; `check` tells how much a scene needs", MACHINE)
+    except NoRoomError as error:
+        return _complain(str(error), MACHINE)
+    except (MemoryError, RuntimeError) as error:
+        # Warp says so in words.
+        if isinstance(error, RuntimeError) and not re.search("failed to allocate|out of memory", str(error), re.I):
+            raise
+        return _complain(_out_of_memory(options), MACHINE)
     except OSError as error:
         return _complain(f"{error.filename or 'the machine'}: {error.strerror or error}", MACHINE)
 
@@ -135,7 +142,18 @@ def _load(options: argparse.Namespace) -> Scene:
     overrides = [*options.set]
     if options.until is not None:
         overrides.append(f"run.end_time={options.until}")
-    return load_scene(options.file, overrides)
+    options.scene = load_scene(options.file, overrides)
+    return options.scene
+
+
+def _out_of_memory(options: argparse.Namespace) -> str:
+    """One line for a run that found no more memory."""
+    from warpsph.device.launch import Launcher
+    from warpsph.memory import out_of_memory
+
+    if not hasattr(options, "scene"):
+        return "out of memory"
+    return out_of_memory(options.scene, Launcher(options.device, 1).device)
 
 
 def _scene(options: argparse.Namespace) -> int:
@@ -161,6 +179,7 @@ def _resume(options: argparse.Namespace) -> int:
     if not file.exists():
         raise _InputError(f"{options.run}: not a run folder (it has no scene.yaml)")
     scene = load_scene(file, [] if options.until is None else [f"run.end_time={options.until}"])
+    options.scene = scene
     run = Run(scene, options.run, device=options.device, threads=options.threads, resume=True, began=options.began)
     return _finish(run)
 
@@ -185,6 +204,7 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         f"  first steps     {speed['seconds to the first steps']:.1f} s after the start",
         f"  whole run       {speed['seconds, all output included']:.1f} s, all output included",
         f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
+        f"  behind walls    {facts['particles behind walls']:,} particles",
     ]
     if "energy drift / converted" in conservation:
         lines.append(
@@ -219,7 +239,7 @@ def _check(options: argparse.Namespace) -> int:
         return _check_cache(options)
 
     from warpsph.device.launch import Launcher
-    from warpsph.simulation import forecast
+    from warpsph.forecast import forecast
 
     scene = _load(options)
     launcher = Launcher(options.device, options.threads)
@@ -231,9 +251,12 @@ def _check(options: argparse.Namespace) -> int:
     print(f"  wall points     {facts.wall_count:,}")
     if facts.body_points:
         print(f"  body points     {facts.body_points:,}")
-    print(
-        f"  memory          {facts.memory / 1e6:,.1f} MB ({facts.memory / facts.particle_count:.0f} bytes a particle)"
-    )
+    memory, a_particle = facts.memory, facts.memory.arrays / facts.particle_count
+    arrays = f"{memory.arrays / 1e6:,.1f} MB of arrays ({a_particle:.0f} bytes a particle)"
+    if memory.shared:
+        print(f"  memory          {memory.host / 1e6:,.0f} MB at most, with {arrays}")
+    else:
+        print(f"  memory          {arrays} on the device, {memory.host / 1e6:,.0f} MB at most on the host")
     for name, (own, artificial) in facts.viscosities.items():
         print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
     if facts.viscous_stages:

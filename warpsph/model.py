@@ -7,16 +7,18 @@ import warp as wp
 
 from warpsph.device.cells import Cells, cell_grid
 from warpsph.device.launch import Launcher
+from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.neighbours import BLOCK_EDGE, CellGrid, mark_walls
 from warpsph.kernels.parameters import Parameters
-from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas
+from warpsph.kernels.rates import Formulas
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.walls import BY_LEG
 from warpsph.placement.images import Edge, Image, find_images, image_struct
 from warpsph.placement.place import Placement
-from warpsph.rheology import viscous
+from warpsph.rheology import Viscous, viscous
 from warpsph.scene.fluids import Material
 from warpsph.scene.scene import Scene
+from warpsph.shapes.surface import BLOCK, around
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
@@ -31,16 +33,16 @@ LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
 # A run of more steps is a mistake: at a millisecond each it takes a day, and rounding adds up.
 MOST_STEPS = 1e8
 
+# Position, velocity, density and fluid of particles.
+Initial = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
 
 class Model:
     """Constants of a run: parameters for kernels, walls with their grid, initial particles, the choice of formulas.
 
     Attributes:
         particle_count: Number of fluid particles.
-        initial_position: [m], float64, shape [particle_count, 3].
-        initial_velocity: [m/s], shape [particle_count, 3].
-        initial_density: [kg/m3], hydrostatic below each fluid's top, shape [particle_count].
-        initial_fluid: Index into `scene.fluids`, shape [particle_count].
+        top: Height of the highest particle at the start [m].
         ground: Height of the lowest point of the walls [m].
         viscous: The materials' own viscosities; None where there are none.
         sound_step: The longest step that sound allows while nothing moves [s].
@@ -64,18 +66,17 @@ class Model:
         materials = [scene.materials[fluid.material] for fluid in scene.fluids]
 
         self.particle_count = len(placement.position)
-        self.initial_position = placement.position
-        self.initial_velocity = placement.velocity
-        self.initial_fluid = placement.fluid
-        self.ground = placement.ground
-        self.initial_density = hydrostatic_density(materials, placement, scene.gravity)
+        density = hydrostatic_density(materials, placement, scene.gravity)
+        self._initial: Initial | None = (placement.position, placement.velocity, density, placement.fluid)
+        self.top, self.ground = float(placement.position[:, 2].max()), placement.ground
         self.fluid_names = [fluid.name for fluid in scene.fluids]
         self.spacing = scene.spacing
         self.support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
         self.skin = SKIN * self.support
-        self.list_radius = self.support + self.skin
+        capacity, self.list_radius = list_capacity(scene)
         self.wall_skin = WALL_SKIN[scene.dimensions] * self.support
-        self.wall_radius = self.support + self.wall_skin
+        self.wall_radius = wall_radius(scene)
+        walls = len(placement.wall_position) > 0
 
         self.formulas = Formulas(
             smoothing=scene.smoothing.kernel,
@@ -88,20 +89,15 @@ class Model:
             dimensions=scene.dimensions,
             neighbours=scene.neighbours,
         )
-        self.parameters = self._parameters(scene, placement, materials)
+        self.parameters = self._parameters(scene, placement, materials, capacity)
         self.viscous = viscous(scene, device)
         self.sound_step = scene.run.courant * scene.smoothing_length / max(m.sound_speed for m in materials)
-        self._refuse_endless(scene)
-        lower, upper = extent(placement)
+        lower, upper = around(placement.wall_position, placement.position)
         self.images, self.edges, self.seen_images = None, list[Edge](), list[Image]()
         if scene.images:
-            self.edges, self.seen_images = find_images(scene, self.list_radius, lower, upper)
+            self.edges, self.seen_images = find_images(scene, self.list_radius, *_with_room(scene, lower, upper, walls))
             self.images = image_struct(self.edges, self.seen_images, device)
-            # Ghosts stand beyond the edges.
-            lower, upper = lower - self.list_radius, upper + self.list_radius
-            if scene.dimensions == 2:
-                lower[1], upper[1] = 0.0, 0.0
-        self.grid = cell_grid(lower, upper, self.list_radius, scene.dimensions, self.particle_count)
+        self.grid = box_of_cells(scene, lower, upper, walls, self.particle_count)
         # Lists are made anew before any particle has gone farther than this since it was listed [m].
         self.longest_motion = int(BLOCK_EDGE) / self.grid.inverse_edge - 0.5 * self.support
         cells = Cells(self.grid, wp.array(placement.wall_position, dtype=wp.vec3, device=device), launcher)
@@ -120,11 +116,10 @@ class Model:
         reach = math.ceil(self.wall_radius * self.grid.inverse_edge)
         launcher.run(mark_walls, len(self.near_wall), [self.grid, reach, self.wall_start, self.near_wall])
 
-    def _parameters(self, scene: Scene, placement: Placement, materials: list[Material]) -> Parameters:
+    def _parameters(self, scene: Scene, placement: Placement, materials: list[Material], capacity: int) -> Parameters:
         kernel = SMOOTHING[scene.smoothing.kernel]
         dimensions, dx, h = scene.dimensions, scene.spacing, scene.smoothing_length
         norm = kernel.normalisation[dimensions] / h**dimensions
-        lattice = math.pi * (self.list_radius / dx) ** 2 if dimensions == 2 else 4.19 * (self.list_radius / dx) ** 3
 
         p = Parameters()
         p.dimensions = dimensions
@@ -132,7 +127,7 @@ class Model:
         p.kernel_norm, p.gradient_norm = norm, norm / h**2
         p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
         p.list_radius = self.list_radius
-        self.set_list_capacity(p, math.ceil(ROOM * lattice))
+        p.list_capacity = capacity
         p.gravity = wp.vec3(*scene.acceleration)
         p.hydrostatic = wp.vec3(0.0, 0.0, -scene.gravity)
         p.viscosity_beta = scene.viscosity_beta
@@ -162,12 +157,13 @@ class Model:
         p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
         return p
 
-    def _refuse_endless(self, scene: Scene) -> None:
-        """Raises SceneError where the longest step of all would be taken too often."""
-        dt = min(self.sound_step, self.viscous.longest_step if self.viscous else math.inf)
-        steps = (scene.run.end_time - scene.start_time) / dt
-        if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
-            raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
+    def take_initial(self) -> Initial:
+        """Position [m], velocity [m/s], density [kg/m3] and fluid of the particles at the start, for a state to begin.
+
+        They are had once: on the device they are needed, here they would only take memory.
+        """
+        initial, self._initial = self._initial, None
+        return initial
 
     def pressure(self, density: np.ndarray, fluid: np.ndarray) -> np.ndarray:
         """Pressure [Pa], float32, from density [kg/m3] and fluid index, all of shape [n], by the kernels' laws."""
@@ -176,25 +172,54 @@ class Model:
         x = density / rest
         return (c**2 * rest * np.where(stiffening > 0.5, (x**7 - 1.0) / 7.0, x - 1.0)).astype(np.float32)
 
-    def set_list_capacity(self, parameters: Parameters, capacity: int) -> None:
-        """Room for `capacity` neighbours a particle: row by row on the CPU, column by column on a GPU (coalesced)."""
-        parameters.list_capacity = capacity
-        if self.layout.by_column:
-            parameters.row_stride, parameters.column_stride = 1, self.particle_count
-        else:
-            parameters.row_stride, parameters.column_stride = capacity, 1
+
+def refuse_endless(scene: Scene, viscous: Viscous | None) -> None:
+    """Raises SceneError where the longest step of all would be taken too often."""
+    dt = first_dt(scene, viscous)
+    steps = (scene.run.end_time - scene.start_time) / dt
+    if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
+        raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
 
 
-def extent(placement: Placement) -> tuple[np.ndarray, np.ndarray]:
-    """Where most of the fluid will be [m], each of shape [3]: the cells' box.
+def first_dt(scene: Scene, viscous: Viscous | None, speed: float = 0.0) -> float:
+    """The longest step that sound and viscosity allow while nothing is faster than `speed` [m/s], in s."""
+    fastest = max(scene.materials[fluid.material].sound_speed for fluid in scene.fluids) + speed
+    dt = scene.run.courant * scene.smoothing_length / fastest
+    return min(dt, viscous.longest_step) if viscous else dt
 
-    It holds walls and fluid, and what splashes higher counts to the uppermost; a scene without walls gets room on every
-    side.
+
+def list_capacity(scene: Scene) -> tuple[int, float]:
+    """How many neighbours a row has room for at first, and the radius of the lists [m]."""
+    support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+    radius = support + SKIN * support
+    spacings = radius / scene.spacing
+    return math.ceil(ROOM * (math.pi * spacings**2 if scene.dimensions == 2 else 4.19 * spacings**3)), radius
+
+
+def wall_radius(scene: Scene) -> float:
+    """Within which wall points are listed [m]."""
+    support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+    return support + WALL_SKIN[scene.dimensions] * support
+
+
+def _with_room(scene: Scene, lower: np.ndarray, upper: np.ndarray, walls: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Where most of the fluid will be [m], each of shape [3], from the box around all points.
+
+    What splashes higher counts to the uppermost; a scene without `walls` gets room on every side.
     """
-    points = np.concatenate([placement.wall_position, placement.position])
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    room = 0.0 if len(placement.wall_position) else 0.5 * (upper - lower)
+    room = 0.0 if walls else 0.5 * (upper - lower)
     return lower - room, upper + room
+
+
+def box_of_cells(scene: Scene, lower: np.ndarray, upper: np.ndarray, walls: bool, particles: int) -> CellGrid:
+    """The cells of a scene; `lower` and `upper` [m], shape [3], are corners of the box around all points."""
+    radius = list_capacity(scene)[1]
+    lower, upper = _with_room(scene, lower, upper, walls)
+    if scene.images:  # ghosts stand beyond the edges
+        lower, upper = lower - radius, upper + radius
+        if scene.dimensions == 2:
+            lower[1], upper[1] = 0.0, 0.0
+    return cell_grid(lower, upper, radius, scene.dimensions, particles)
 
 
 def blocks_in_use(grid: CellGrid, start: np.ndarray) -> np.ndarray:
@@ -213,8 +238,8 @@ def domain(placement: Placement, margin: float) -> tuple[wp.vec3, wp.vec3]:
     """
     if not len(placement.wall_position):
         return wp.vec3(-math.inf), wp.vec3(math.inf)
-    points = np.concatenate([placement.wall_position, placement.position])
-    lower, upper = points.min(axis=0) - margin, points.max(axis=0) + margin
+    lower, upper = around(placement.wall_position, placement.position)
+    lower, upper = lower - margin, upper + margin
     upper[2] = np.inf
     return wp.vec3(*lower), wp.vec3(*upper)
 
@@ -222,12 +247,15 @@ def domain(placement: Placement, margin: float) -> tuple[wp.vec3, wp.vec3]:
 def hydrostatic_density(materials: list[Material], placement: Placement, gravity: float) -> np.ndarray:
     """Density [kg/m3], shape [particle_count], at which each fluid carries its own weight: p = rho0 g depth."""
     density = np.empty(len(placement.position))
-    for index, material in enumerate(materials):
-        mine = placement.fluid == index
+    end = 0
+    for material, count in zip(materials, placement.counts, strict=True):
+        begin, end = end, end + count
         rho0, c = material.density, material.sound_speed
-        compression = gravity * placement.initial_depth[mine] / c**2
-        if material.state_equation == "tait":
-            density[mine] = rho0 * (1.0 + 7.0 * compression) ** (1.0 / 7.0)
-        else:
-            density[mine] = rho0 * (1.0 + compression)
+        for first in range(begin, end, BLOCK):
+            mine = slice(first, min(first + BLOCK, end))
+            compression = gravity * placement.initial_depth[mine] / c**2
+            if material.state_equation == "tait":
+                density[mine] = rho0 * (1.0 + 7.0 * compression) ** (1.0 / 7.0)
+            else:
+                density[mine] = rho0 * (1.0 + compression)
     return density

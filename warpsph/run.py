@@ -11,11 +11,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 import warpsph
 from warpsph.measure.energy import drift_and_converted
+from warpsph.measure.leaks import behind_walls
 from warpsph.measure.waves import celerity, find_impact, find_wave
 from warpsph.output.checkpoint import read_checkpoint, write_checkpoint
 from warpsph.output.progress import Progress
@@ -100,7 +100,7 @@ class Run:
         self._frames = Ticks(scene.output.frames_per_second, max(now, 0.0), is_done=resume and now >= 0.0)
         self._checkpoints = Ticks(1.0 / scene.output.checkpoint_every, now, is_done=True)
         self._records = self._open_records(now if resume else None)
-        self._outputs = Outputs(scene, self.simulation, folder, self._frames.index if resume else None)
+        self._outputs = Outputs(self.simulation.scene, self.simulation, folder, self._frames.index if resume else None)
 
     def _open_records(self, resume_at: float | None) -> dict[str, Record]:
         unit = "[J/m]" if self.scene.dimensions == 2 else "[J]"
@@ -113,7 +113,14 @@ class Run:
             **{f"fluids/{name}": motion for name in self.simulation.model.fluid_names},
             **{f"bodies/{body.name}": body_columns(self.scene.dimensions) for body in self.scene.bodies},
         }
-        return {name: Record(self.folder / f"{name}.csv", heading, resume_at) for name, heading in columns.items()}
+        origins = dict(zip(("x [m]", "y [m]", "z [m]"), self.simulation.scene.origin, strict=True))
+        origins |= {"front [m]": origins["x [m]"], "level [m]": origins["z [m]"]}
+        return {
+            name: Record(
+                self.folder / f"{name}.csv", heading, resume_at, [origins.get(column, 0.0) for column in heading]
+            )
+            for name, heading in columns.items()
+        }
 
     def execute(self) -> dict[str, Any]:
         """Run to the end, to a STOP file or to a blow-up. Returns what run.json holds."""
@@ -122,7 +129,7 @@ class Run:
         progress = Progress(simulation.time, end, simulation.model.particle_count, first_step)
         count, now = simulation.model.particle_count, simulation.time
         log.info("%s: %d particles, from t = %g s to %g s", self.scene.title, count, now, end)
-        for warning in simulation.placement.warnings:
+        for warning in simulation.start.warnings:
             log.warning("%s", warning)
         started = first_steps = time.perf_counter()
         try:
@@ -147,7 +154,7 @@ class Run:
             for record in self._records.values():
                 record.close()
         seconds = max(time.perf_counter() - started, 1e-9)
-        if outcome == STOPPED and simulation.state.dt.numpy()[0] == 0.0:
+        if outcome == STOPPED and simulation.state.clock()["dt"] == 0.0:
             self._outputs.wait()
             write_checkpoint(self.folder / "checkpoints", simulation)
         log.info("%s %s", outcome, why)
@@ -228,21 +235,23 @@ class Run:
             },
             "counts": {
                 "particles": model.particle_count,
-                "wall points": len(simulation.placement.wall_position),
+                "wall points": simulation.start.wall_count,
                 **({"body points": simulation.bodies.set.point_count} if simulation.bodies else {}),
-                **{name: int(np.sum(model.initial_fluid == f)) for f, name in enumerate(model.fluid_names)},
+                **dict(zip(model.fluid_names, simulation.start.counts, strict=True)),
             },
+            "particles behind walls": int(behind_walls(model, simulation.state.position).sum()),
+            **({"origin [m]": list(simulation.scene.origin)} if any(simulation.scene.origin) else {}),
             "conservation": self._conservation(),
             "gauges": self._crests(),
             **self._impacts(),
-            "warnings": list(simulation.placement.warnings),
+            "warnings": list(simulation.start.warnings),
         }
 
     def _conservation(self) -> dict[str, float]:
         """Mass now over mass at the start, and how far the energy sum strayed, over the energy converted."""
         _, motions = self.simulation.energy.measure()
         model = self.simulation.model
-        placed = float(np.sum(model.parameters.mass.numpy()[model.initial_fluid], dtype=np.float64))
+        placed = float(model.parameters.mass.numpy().astype(float) @ self.simulation.start.counts)
         drift, converted = drift_and_converted(read_record(self.folder / "energy.csv"))
         facts = {"mass / mass placed": sum(motion.mass for motion in motions) / placed}
         if converted:
@@ -257,7 +266,8 @@ class Run:
         if bodies is None or fill is None or scene.dimensions == 3:
             return {}
         level = fill.fill.level
-        about = {"depth": level - self.simulation.model.ground, "gravity": scene.gravity}
+        ground = self.simulation.model.ground + self.simulation.scene.origin[2]
+        about = {"depth": level - ground, "gravity": scene.gravity}
         impacts, waves = {}, {}
         for body in bodies.set.bodies:
             record = read_record(self.folder / "bodies" / f"{body.name}.csv")

@@ -6,18 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from warpsph.device.blocks import blocks_of, stages_of
+from warpsph.device.launch import alias
 from warpsph.kernels.density import BY_GRADIENT
+from warpsph.kernels.neighbours import scatter_kernel
 from warpsph.model import Model
 from warpsph.placement.images import folded
 
-# Particles whose sums and extremes one thread collects; a fixed number, so that sums do not depend on the threads.
-BLOCK_SIZE = 256
 NO_LAST_STEP = 2**31 - 1
-
-
-def collects_blocks(device: wp.Device) -> bool:
-    """Whether the clock leaves it to others to go through all blocks: one thread of a GPU would be long about it."""
-    return device.is_cuda
 
 
 @dataclass(frozen=True)
@@ -47,6 +43,26 @@ class Snapshot:
     id: np.ndarray
     apparent_viscosity: np.ndarray | None = None
     yielded: np.ndarray | None = None
+
+
+# The clock of a state: time, and the target that no step goes beyond [s]; dt, the step that comes next, 0 at the target
+# and after a fault, and its longest stable length [s]; steps done, and the last before the host is asked; whether a
+# pair might be missing from the lists before the next step ends; whether the next step may be taken; what is wrong with
+# the first absurd particle, and its slot.
+CLOCK = np.dtype(
+    [
+        *(
+            ("time", "<f8"),
+            ("target", "<f8"),
+            ("dt", "<f4"),
+            ("dt_limit", "<f4"),
+            ("step", "<i4"),
+            ("last_step", "<i4"),
+        ),
+        *(("stale", "<i4"), ("running", "<i4"), ("fault", "<i4"), ("fault_slot", "<i4")),
+    ]
+)
+_WARP_TYPES = {"<f8": wp.float64, "<f4": wp.float32, "<i4": wp.int32}
 
 
 class State:
@@ -79,11 +95,13 @@ class State:
         def array(values: np.ndarray, dtype: type) -> wp.array:
             return wp.array(values, dtype=dtype, device=device)
 
-        self.id = array(np.arange(count), int)
-        self.fluid = self.fluid_and_ghosts = array(model.initial_fluid, int)
-        self.position = array(model.initial_position, wp.vec3d)  # [m]
-        self.velocity = array(model.initial_velocity, wp.vec3)  # [m/s]
-        self.density = array(model.initial_density, wp.float64)  # [kg/m3]
+        self.id = array(np.arange(count, dtype=np.int32), int)
+        position, velocity, density, fluid = model.take_initial()
+        self.fluid = self.fluid_and_ghosts = array(fluid, int)
+        self.position = array(position, wp.vec3d)  # [m]
+        self.velocity = array(velocity, wp.vec3)  # [m/s]
+        self.density = array(density, wp.float64)  # [kg/m3]
+        del position, velocity, density, fluid  # before the rest takes its room
         self.acceleration = zeros(wp.vec3)  # of the last kick [m/s2]
         self.density_rate = zeros(float)  # [kg/m3/s]
         self.last_diffusion_rate = zeros(float)  # by diffusion, in the last step [kg/m3/s]
@@ -118,17 +136,18 @@ class State:
         self.particle_fault = zeros(int)
         self.particle_work = zeros(wp.vec3)  # in the last step: dissipated, done by walls, damped [J]
 
-        self.block_count = -(-count // BLOCK_SIZE)
+        self.blocks, self.block_count = blocks_of(count, device)  # whose sums and extremes one thread collects
         self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
         # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain. The limit by
         # viscosity, which never changes, has the last.
         viscous_step = model.viscous.longest_step if model.viscous else np.inf
         self.block_dt_limit = array(np.append(np.full(self.block_count + 1, np.inf), viscous_step), float)
         self.block_fault_slot = array(np.full(self.block_count + 2, -1), int)
-        # The same of as many blocks in a row, where that helps.
-        self.top_count = -(-(self.block_count + 2) // BLOCK_SIZE) if collects_blocks(device) else 0
-        self.top_dt_limit = zeros(float, max(self.top_count, 1))
-        self.top_fault_slot = zeros(int, max(self.top_count, 1))
+        # The same of blocks of these, and so on, until one thread can go through them.
+        self.stages = [
+            (blocks, zeros(float, number), zeros(int, number))
+            for blocks, number in stages_of(self.block_count + 2, device)
+        ]
 
         # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
         # what the lists allow.
@@ -136,23 +155,23 @@ class State:
         self.motion_lower = zeros(wp.vec3, self.cell_block_count)
         self.motion_upper = zeros(wp.vec3, self.cell_block_count)
         self.strain = zeros(float, self.cell_block_count)
-        self.strain_block_count = -(-self.cell_block_count // BLOCK_SIZE)
-        self.block_strain = zeros(float, self.strain_block_count + 1)
+        stages = stages_of(self.cell_block_count, device) or [blocks_of(self.cell_block_count, device)]
+        self.strain_stages = [(blocks, zeros(float, number + 1)) for blocks, number in stages]
+        self.strain_block_count = stages[-1][1]
+        self.block_strain = self.strain_stages[-1][1]  # one entry more, for bodies
 
-        # The clock, one entry each.
-        self.time = array(np.array([model.scene.start_time]), wp.float64)  # [s]
-        self.target = array(np.array([model.scene.start_time]), wp.float64)  # no step goes beyond it [s]
-        self.dt = zeros(float, 1)  # the step that comes next; 0 at the target and after a fault [s]
+        # The clock, one entry each, side by side so that the host reads all of it at once.
+        self._clock = zeros(wp.uint8, CLOCK.itemsize)
+        for name in CLOCK.names:
+            dtype, offset = CLOCK.fields[name][:2]
+            setattr(self, name, alias(self._clock, _WARP_TYPES[dtype.str], 1, offset))
         run = model.scene.run
         first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
-        self.dt_limit = array(np.array([min(first_dt, viscous_step)]), float)  # longest stable step [s]
-        self.step = zeros(int, 1)
-        self.last_step = array(np.array([NO_LAST_STEP]), int)  # which is done before the host is asked
-        self.stale = zeros(int, 1)  # whether a pair might be missing from the lists before the next step ends
-        self.running = zeros(int, 1)  # whether the next step may be taken
+        self.time.fill_(model.scene.start_time)
+        self.target.fill_(model.scene.start_time)
+        self.dt_limit.fill_(min(first_dt, viscous_step))
+        self.last_step.fill_(NO_LAST_STEP)
         self.damping = zeros(float, 1)  # [1/s]
-        self.fault = zeros(int, 1)  # what is wrong with the first absurd particle
-        self.fault_slot = zeros(int, 1)
 
     def _pack(self, room: int) -> None:
         length = self.model.particle_count + room
@@ -168,24 +187,33 @@ class State:
         self.fluid_and_ghosts = wp.zeros(length, dtype=int, device=self.model.launcher.device)
         self._pack(room)
 
+    def clock(self) -> np.void:
+        """The clock as it is now, a record of CLOCK."""
+        return self.model.launcher.read(self._clock).view(CLOCK)[0].copy()
+
+    def _in_id_order(self, values: wp.array) -> np.ndarray:
+        """An array of the particles on the host, in id order: the device puts it in order."""
+        ordered = wp.empty_like(values)
+        self.model.launcher.run(scatter_kernel(values.dtype), len(values), [self.id, values, ordered])
+        return ordered.numpy()
+
     def snapshot(self) -> Snapshot:
         """Copy the fluid to the host, in id order."""
-        order = np.argsort(self.id.numpy(), kind="stable")
-        density = self.density.numpy()[order]
-        fluid = self.fluid.numpy()[order]
+        clock, density, fluid = self.clock(), self._in_id_order(self.density), self._in_id_order(self.fluid)
         position, velocity = folded(
-            self.model.edges, self.model.seen_images, self.position.numpy()[order], self.velocity.numpy()[order]
+            *(self.model.edges, self.model.seen_images),
+            *(self._in_id_order(self.position), self._in_id_order(self.velocity)),
         )
         has_rheology = self.model.viscous is not None and self.model.viscous.law is not None
         return Snapshot(
-            time=float(self.time.numpy()[0]),
-            step=int(self.step.numpy()[0]),
+            time=float(clock["time"]),
+            step=int(clock["step"]),
             position=position,
             velocity=velocity,
             density=density,
             pressure=self.model.pressure(density, fluid),
             fluid=fluid,
-            id=self.id.numpy()[order].astype(np.int64),
-            apparent_viscosity=self.apparent_viscosity.numpy()[order] if has_rheology else None,
-            yielded=self.yielded.numpy()[order] if has_rheology else None,
+            id=np.arange(self.model.particle_count, dtype=np.int64),
+            apparent_viscosity=self._in_id_order(self.apparent_viscosity) if has_rheology else None,
+            yielded=self._in_id_order(self.yielded) if has_rheology else None,
         )

@@ -13,9 +13,10 @@ from warpsph.bodies.body import Body
 from warpsph.bodies.body_set import BodySet, ContactLeg, ContactPoints, rotation
 from warpsph.device.launch import Launcher
 from warpsph.kernels.density import pressure_gradient_kernel
+from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT, Layout
 from warpsph.kernels.neighbours import CellGrid
 from warpsph.kernels.parameters import Parameters
-from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, rates_kernel
+from warpsph.kernels.rates import Formulas, rates_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.shapes.mesh import Mesh
 
@@ -72,7 +73,7 @@ class Cloud:
         self.velocity_pressure = self.array(np.column_stack([self.u, self.p]), wp.vec4)
         self.fluids = self.array(self.fluid, int)
         self.neighbour_count = self.array(np.full(n, n - 1), int)
-        self.neighbour_list = self.array((others.T if by_column else others).ravel(), int)
+        self.neighbour_list = self.array(np.ascontiguousarray(others.T if by_column else others), int)
 
     def _parameters(self, spacing: float, by_column: bool, numbers: dict) -> Parameters:
         n, kernel = len(self.x), SMOOTHING[self.smoothing]
@@ -83,7 +84,6 @@ class Cloud:
         p.inverse_shape_dx = kernel.normalisation[2] / WEIGHT[self.smoothing](spacing / self.h)
         p.list_radius = 1.15 * kernel.support * self.h
         p.list_capacity = n - 1
-        p.row_stride, p.column_stride = (1, n) if by_column else (n - 1, 1)
         p.gravity = wp.vec3(0.0, 0.0, -9.81)
         p.hydrostatic = p.gravity
         fields = {
@@ -124,15 +124,19 @@ class Cloud:
         gradient = self.array(self.pressure_gradient(), wp.vec3)
         nobody = [self.array([0], int), self.array(np.zeros((1, 3)), wp.vec3)]  # is found in cells
         inputs = [*packed, self.fluids, gradient, *lists, *nobody]
-        layout = replace(CUDA_LAYOUT if self.launcher.device.is_cuda else CPU_LAYOUT, by_column=self.by_column)
-        kernel = rates_kernel(Formulas(smoothing=self.smoothing, **formulas), layout, momentum, continuity)
+        kernel = rates_kernel(Formulas(smoothing=self.smoothing, **formulas), self.layout, momentum, continuity)
         return self.run(kernel, inputs, [wp.vec3, wp.vec3, float, float, wp.vec3], CellGrid())
+
+    @property
+    def layout(self) -> Layout:
+        """How the pair loops of this device read, with the lists by column or by row."""
+        return replace(CUDA_LAYOUT if self.launcher.device.is_cuda else CPU_LAYOUT, by_column=self.by_column)
 
     def pressure_gradient(self) -> np.ndarray:
         """Renormalised gradient of pressure within each fluid [Pa/m], shape [n, 3]."""
         lists = [self.neighbour_count, self.neighbour_list]
         inputs = [self.position_volume, self.velocity_pressure, self.fluids, *lists]
-        return self.run(pressure_gradient_kernel(self.smoothing), inputs, [wp.vec3])[0]
+        return self.run(pressure_gradient_kernel(self.smoothing, self.layout), inputs, [wp.vec3])[0]
 
     def acceleration(self, viscosity: str = "signal", tensile_correction: bool | str = False) -> list[np.ndarray]:
         """By pressure and by dissipation [m/s2], each of shape [n, 3]."""

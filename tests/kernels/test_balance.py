@@ -1,14 +1,11 @@
 """Balance: its sweep against NumPy, that sweeps converge, and that a lattice needs none."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import warp as wp
 
 from warpsph.kernels.balance import INNER_MOMENT, SURFACE_MOMENT, balance_kernel
 from warpsph.kernels.images import Images
-from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.smoothing import SMOOTHING
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
@@ -17,7 +14,6 @@ TOLERANCE = 1e-4
 
 def sweep(cloud, balance: np.ndarray, dimensions: int = 2) -> np.ndarray:
     """lambda [1/m] from that of the sweep before, shape [n, 3]."""
-    layout = replace(CUDA_LAYOUT if cloud.launcher.device.is_cuda else CPU_LAYOUT, by_column=cloud.by_column)
     quadruples = np.column_stack([cloud.u, cloud.p])
     if dimensions == 2:
         quadruples[:, 1] = cloud.x[:, 0]
@@ -25,7 +21,7 @@ def sweep(cloud, balance: np.ndarray, dimensions: int = 2) -> np.ndarray:
     cloud.parameters.dimensions, nobody = dimensions, cloud.array([0], int)
     lists = [cloud.neighbour_count, cloud.neighbour_count, cloud.neighbour_list, nobody, nobody]
     inputs = [Images(), len(cloud.x), *packed, cloud.position_volume, *lists, cloud.array(balance.ravel(), float)]
-    return cloud.run(balance_kernel(cloud.smoothing, dimensions, layout), inputs, [wp.vec3])[0]
+    return cloud.run(balance_kernel(cloud.smoothing, dimensions, cloud.layout), inputs, [wp.vec3])[0]
 
 
 def sweeps(cloud, count: int) -> np.ndarray:

@@ -24,7 +24,9 @@ def filtered(cloud, values: np.ndarray, correction: str, steps: int, every: int,
     """What the stage of a step makes of densities, here m / V, after `steps` others; shape [n]."""
     inputs = [every, cloud.array([steps], int), cloud.position_volume, cloud.fluids, cloud.neighbour_count]
     inputs += [cloud.neighbour_list, cloud.array(values, wp.float64)]
-    return cloud.run(density_filter_kernel(cloud.smoothing, correction, by_volume), inputs, [wp.float64])[0]
+    return cloud.run(density_filter_kernel(cloud.smoothing, correction, by_volume, cloud.layout), inputs, [wp.float64])[
+        0
+    ]
 
 
 def gradients(cloud, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,9 @@
 
 import importlib
 import pkgutil
+import re
+import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from itertools import product
@@ -14,10 +17,18 @@ from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
+from warpsph.kernels.images import list_ghosts_kernel
 from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
+from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
-from warpsph.kernels.neighbours import copy_kernel, gather_kernel, list_kernel, wall_points_kernel
-from warpsph.kernels.rates import CUDA_LAYOUT, Formulas, rates_kernel
+from warpsph.kernels.neighbours import (
+    copy_kernel,
+    gather_kernel,
+    list_kernel,
+    scatter_kernel,
+    wall_points_kernel,
+)
+from warpsph.kernels.rates import Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.kernels.smoothing import SMOOTHING
@@ -50,15 +61,19 @@ FORMULAS = [
 STATE_TYPES = [(dtype,) for dtype in (int, float, wp.float64, wp.vec3, wp.vec3d)]
 FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     rates_kernel: [(formulas, CUDA_LAYOUT, *half) for formulas in FORMULAS for half in HALVES],
-    list_kernel: [(True,), (False,)],
-    pressure_gradient_kernel: [(name,) for name in SMOOTHING],
+    list_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
+    list_ghosts_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
+    pressure_gradient_kernel: [(name, CUDA_LAYOUT) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     body_points_kernel: [(True,), (False,)],
     reaction_kernel: list(product(WALL_FORCE, SMOOTHING)),
     cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
-    density_filter_kernel: [*product(SMOOTHING, ("shepard", "mls")), *product(SMOOTHING, CORRECTION, (False,))],
+    density_filter_kernel: [
+        *((name, correction, True, CUDA_LAYOUT) for name, correction in product(SMOOTHING, ("shepard", "mls"))),
+        *((name, correction, False, CUDA_LAYOUT) for name, correction in product(SMOOTHING, CORRECTION)),
+    ],
     balance_kernel: [
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
@@ -86,6 +101,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     copy_kernel: STATE_TYPES,
     wall_points_kernel: [(False,), (True,)],
     gather_kernel: STATE_TYPES,
+    scatter_kernel: STATE_TYPES,
 }
 
 pytestmark = pytest.mark.skipif(sys.platform == "darwin", reason="Warp for macOS comes without a CUDA compiler")
@@ -128,3 +144,46 @@ def test_kernels_of_a_module(tmp_path, name):
 def test_kernels_of_a_factory(tmp_path, factory, formulas):
     kernel = factory(*formulas)
     assert_holds(compiled(kernel.module, tmp_path), kernel)
+
+
+# What a neighbour is read by: (x, y, z, V) and (u, v, w, p), 16 bytes each.
+NEIGHBOUR_LOADS = 2
+# More registers than this, and fewer than half of the threads that an H100 has room for can be there at once.
+MOST_REGISTERS = 64
+
+
+def pair_loops() -> list[tuple[Formulas, bool]]:
+    """The halves of the dam break, in a plane and in space, with diffusion and the tensile correction."""
+    formulas = [
+        Formulas(diffusion="fourtakas", tensile_correction="bounded", fluid_count=1, dimensions=n) for n in (2, 3)
+    ]
+    return list(product(formulas, (True, False)))
+
+
+def pair_loop_ptx(folder, formulas: Formulas, momentum: bool) -> str:
+    return compiled(rates_kernel(formulas, CUDA_LAYOUT, momentum, not momentum).module, folder)[90].rstrip("\0")
+
+
+@pytest.mark.parametrize(("formulas", "momentum"), pair_loops())
+def test_a_neighbour_is_two_loads_of_16_bytes(tmp_path, formulas, momentum):
+    """Once for the particle itself, and once or, where the loop is unrolled, several times for a neighbour."""
+    lines = pair_loop_ptx(tmp_path, formulas, momentum).splitlines()
+    vectors = sum("ld.global.nc.v4.f32" in line for line in lines)
+    assert vectors >= 2 * NEIGHBOUR_LOADS and vectors % NEIGHBOUR_LOADS == 0
+    # Numbers of the fluid, before the loop.
+    assert sum("ld.global.f32" in line for line in lines) <= 8
+
+
+@pytest.mark.skipif(shutil.which("ptxas") is None, reason="there is no ptxas on the path")
+@pytest.mark.parametrize(("formulas", "momentum"), pair_loops())
+def test_registers_leave_room_for_half_of_the_threads(tmp_path, formulas, momentum):
+    path = tmp_path / "pair_loop.ptx"
+    # An older ptxas knows all that is in it, but not its version: CUDA 13.0 has PTX 9.0.
+    release = subprocess.run(["ptxas", "--version"], capture_output=True, text=True, check=True).stdout
+    major, minor = map(int, re.search(r"release (\d+)\.(\d+)", release).groups())
+    ptx = pair_loop_ptx(tmp_path, formulas, momentum)
+    path.write_text(re.sub(r"\.version \d+\.\d+", f".version {major - 4}.{minor}", ptx))
+    command = ["ptxas", "-arch=sm_90", "-v", str(path), "-o", str(tmp_path / "cubin")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+    assert int(re.search(r"Used (\d+) registers", said)[1]) <= MOST_REGISTERS
+    assert "0 bytes spill stores, 0 bytes spill loads" in said

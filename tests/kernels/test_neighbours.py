@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from warpsph.device.launch import Launcher
 from warpsph.kernels import neighbours as kernels
@@ -46,7 +47,7 @@ class Listed:
         )
         self.model = Model(scene, placement, Launcher(device))
         if capacity:
-            self.model.set_list_capacity(self.model.parameters, capacity)
+            self.model.parameters.list_capacity = capacity
         self.state = State(self.model)
         if later is not None:
             self.x = np.concatenate([x[: n - len(later)], later])
@@ -61,11 +62,11 @@ class Listed:
 
     def pairs(self) -> np.ndarray:
         """Whether j is on the list of i, by identity, bool [n, n]; no entry twice."""
-        p, count, entries = self.model.parameters, self.neighbours.count.numpy(), self.neighbours.list.numpy()
+        p, count, entries = self.model.parameters, self.neighbours.count.numpy(), self.neighbours.rows()
         assert count.max() <= p.list_capacity
         found = np.zeros((len(self.x), len(self.x)), dtype=int)
         for i, id_i in enumerate(self.id):
-            row = entries[i * p.row_stride + np.arange(count[i]) * p.column_stride]
+            row = entries[i, : count[i]]
             np.add.at(found[id_i], self.id[row], 1)
         assert found.max() <= 1
         return found == 1
@@ -265,3 +266,14 @@ def test_no_pair_is_missing_while_strain_is_below_one(listed, seed):
     distance = np.linalg.norm(x[:, None] - x, axis=2)
     np.fill_diagonal(distance, np.inf)
     assert made.pairs()[distance < made.model.support].all()
+
+
+def test_starts_by_bisection_are_those_of_a_walk(device):
+    """Empty cells at both ends and between, a cell with many: the same starts by either kernel."""
+    launcher, cells = Launcher(device), 60
+    cell = wp.array(np.sort(np.r_[np.random.default_rng(3).integers(5, 50, 40), [20] * 9]), dtype=int, device=device)
+    walked, searched = (wp.zeros(cells + 1, dtype=int, device=device) for _ in range(2))
+    launcher.run(kernels.find_starts, len(cell), [len(cell), cells, cell, walked])
+    launcher.run(kernels.search_starts, cells + 1, [len(cell), cell, searched])
+    np.testing.assert_array_equal(walked.numpy(), np.searchsorted(cell.numpy(), np.arange(cells + 1)))
+    np.testing.assert_array_equal(searched.numpy(), walked.numpy())

@@ -1,12 +1,11 @@
 """Shifting: its formula, where it must do nothing, that nothing goes through a surface, and that it brings order."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.kernels.rates import CPU_LAYOUT, CUDA_LAYOUT, Formulas, Layout
+from warpsph.kernels.layout import Layout
+from warpsph.kernels.rates import Formulas
 from warpsph.kernels.shifting import (
     MOST_DRIFT,
     PAIRING,
@@ -32,8 +31,7 @@ def shaken(x: np.ndarray, share: float = 0.2) -> np.ndarray:
 
 def chosen(cloud, dimensions: int = 2) -> tuple[Formulas, Layout]:
     """What the kernels close over."""
-    layout = CUDA_LAYOUT if cloud.launcher.device.is_cuda else CPU_LAYOUT
-    return Formulas(smoothing=cloud.smoothing, dimensions=dimensions), replace(layout, by_column=cloud.by_column)
+    return Formulas(smoothing=cloud.smoothing, dimensions=dimensions), cloud.layout
 
 
 def packed(cloud, dimensions: int = 2) -> list[wp.array]:

@@ -8,6 +8,7 @@ import pytest
 
 import warpsph.model
 from warpsph.placement.images import find_images
+from warpsph.placement.place import place
 from warpsph.scene.scene import SceneError
 from warpsph.simulation import Simulation
 from warpsph.step.ghosts import Ghosts
@@ -94,20 +95,20 @@ def test_periodic_sums_are_those_of_a_tiling(make_scene, device):
     compressed(block)
     here = accelerations(block)
 
-    place = block.placement
+    placement = place(block.scene)
     copies = [np.array([a, 0.0, c]) for c, a in product((0.0, 0.8, -0.8), (0.0, 1.0, -1.0))]
     n = len(copies)
     tiled = replace(
-        place,
-        position=np.concatenate([place.position + copy for copy in copies]),
-        velocity=np.tile(place.velocity, (n, 1)),
-        fluid=np.tile(place.fluid, n),
-        initial_depth=np.tile(place.initial_depth, n),
+        placement,
+        position=np.concatenate([placement.position + copy for copy in copies]),
+        velocity=np.tile(placement.velocity, (n, 1)),
+        fluid=np.tile(placement.fluid, n),
+        initial_depth=np.tile(placement.initial_depth, n),
     )
     tiling = Simulation(make_scene(BLOCK), device, placement=tiled)
-    ids = tiling.state.id.numpy() % len(place.position)
+    ids = tiling.state.id.numpy() % len(placement.position)
     tiling.state.density.assign(1000.0 + 20.0 * np.sin(17.0 * ids))
-    there = accelerations(tiling)[: len(place.position)]
+    there = accelerations(tiling)[: len(placement.position)]
     np.testing.assert_allclose(here, there, rtol=0, atol=TOLERANCE * np.abs(there).max())
 
 
@@ -185,10 +186,9 @@ def test_no_pair_is_missing(make_scene, device, parts):
         apart = np.linalg.norm(x[:, None] - seen[None], axis=2)
         near = ((apart < model.support) & (apart > 0.0)).sum(axis=1)
         listed = simulation.step.neighbours
-        count, row = listed.count.numpy(), model.parameters.row_stride
-        column, entries, packed = model.parameters.column_stride, listed.list.numpy(), state.position_volume.numpy()
+        count, entries, packed = listed.count.numpy(), listed.rows(), state.position_volume.numpy()
         for i in range(model.particle_count):
-            mine = entries[i * row + column * np.arange(count[i])]
+            mine = entries[i, : count[i]]
             there = np.linalg.norm(x[i] - packed[mine, :3], axis=1)
             assert (there < model.support * (1 - 1e-6)).sum() <= near[i] <= (there < model.support * (1 + 1e-6)).sum()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from warpsph.placement.place import behind_walls, drop_height, near, place
+from warpsph.placement.place import drop_height, near, place
 from warpsph.scene.scene import Scene, SceneError, load_scene
 from warpsph.shapes.outline import Bend, Line, Outline, wall_outline
 from warpsph.shapes.surface import contains
@@ -584,13 +584,6 @@ def test_extruded_walls_close_with_the_walls_at_their_sides():
     areas = place(make_3d([GUTTER, SIDES])).wall_area
     inner = (2 * 2.095 + 3.19) * 1.19  # the gutter set back, and as much wider
     assert areas.sum() == pytest.approx(inner + 2 * 3.19 * 2.19, rel=0.02)
-
-
-def test_behind_walls_in_space():
-    placement = place(make_3d())
-    outside = np.array([[-0.2, 0.5, 0.5], [1.5, 1.2, 0.5], [1.5, 0.5, -0.3], [3.3, 0.5, 1.0], [1.0, -0.2, -0.2]])
-    assert behind_walls(placement, outside).all()
-    assert not behind_walls(placement, placement.position).any()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from warpsph.cli import SCENES
 from warpsph.kernels.walls import BY_LEG, WALL_FORCE
-from warpsph.placement.place import behind_walls
+from warpsph.measure.leaks import behind_walls
 from warpsph.scene.scene import load_scene
 from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
@@ -58,7 +58,7 @@ def test_water_rests_in_a_corner(simulate, force, interior):
     simulation = simulate(force, interior, fill, "warm_up: {duration: 0.6, damping: 40.0}")
     simulation.reach(0.2)
     snapshot = simulation.state.snapshot()
-    assert not behind_walls(simulation.placement, snapshot.position).any()
+    assert not behind_walls(simulation.model, snapshot.position).any()
     speed = np.linalg.norm(snapshot.velocity, axis=1)
     assert speed.max() < TOLERANCE * math.sqrt(9.81 * DEPTH)
 
@@ -78,7 +78,7 @@ def test_a_drop_into_a_corner_neither_leaks_nor_jets(simulate, force, interior):
         simulation.advance(time)
         fastest = max(fastest, float(np.linalg.norm(simulation.state.velocity.numpy(), axis=1).max()))
         given = max(given, simulation.energy.measure()[0].wall_work)
-    assert not behind_walls(simulation.placement, simulation.state.position.numpy()).any()
+    assert not behind_walls(simulation.model, simulation.state.position.numpy()).any()
     assert fastest < 2.0 * math.sqrt(2 * 9.81 * 0.13)
     assert given < 0.01 * energy
 

@@ -136,7 +136,7 @@ def run_up(case: Case, device: str, threads: int, folder: Path) -> list[float]:
     for moment in NOISE_TIMES if case.pressure_scale else ():
         simulation.reach(moment)
         s = simulation.state.snapshot()
-        walls, spacing = simulation.placement.wall_position, case.scene.spacing
+        walls, spacing = simulation.model.wall_position.numpy(), case.scene.spacing
         noise.append(pressure_noise(s.position, s.pressure, walls, spacing, case.pressure_scale))
     simulation.reach(DEVELOPED_TIME)
     folder.mkdir()

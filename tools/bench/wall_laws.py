@@ -21,7 +21,7 @@ from typing import get_args
 import numpy as np
 from noise import neighbours, pressure_noise
 
-from warpsph.placement.place import behind_walls
+from warpsph.measure.leaks import behind_walls
 from warpsph.scene.boundaries import WallModel
 from warpsph.scene.scene import Scene, load_scene
 from warpsph.scene.source import SceneError
@@ -43,7 +43,7 @@ def row(scene: Scene) -> str:
     for time in np.linspace(last, end, 51):
         simulation.reach(time)
         fastest = max(fastest, float(np.linalg.norm(simulation.state.velocity.numpy(), axis=1).max()))
-    snapshot, walls = simulation.state.snapshot(), simulation.placement.wall_position
+    snapshot, walls = simulation.state.snapshot(), simulation.model.wall_position.numpy()
     x, p, weight = snapshot.position, snapshot.pressure, material.density * scene.gravity
     inside = pressure_noise(x, p, walls, dx, weight * depth)
     beside = (neighbours(x, walls, 3.0 * dx) > 0) & (x[:, 2] < depth - 3.0 * dx)
@@ -51,7 +51,7 @@ def row(scene: Scene) -> str:
     ends = x[:, 0].min() + 4.0 * dx, x[:, 0].max() - 4.0 * dx
     first = x[(x[:, 2] < x[:, 2].min() + 0.6 * dx) & (x[:, 0] > ends[0]) & (x[:, 0] < ends[1]), 2]
     level = simulation.gauges.levels()[0] - depth
-    behind = int(behind_walls(simulation.placement, x).sum())
+    behind = int(behind_walls(simulation.model, x).sum())
     return (
         f"| `{scene.wall_model.force}` | {scene.wall_model.set_back:g} "
         f"| {fastest / math.sqrt(scene.gravity * depth):.2g} | {inside:.2%} | {at_walls:.2%} "

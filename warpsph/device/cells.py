@@ -65,7 +65,9 @@ class Cells:
             [
                 launcher.record(kernels.find_cells, self._count, [grid, position, self.cell, self.order]),
                 lambda: wp.utils.radix_sort_pairs(self.cell, self.order, self._count, end_bit=self._bits),
-                launcher.record(kernels.find_starts, self._count, [self._count, cells, self.cell, self.start]),
+                launcher.record(kernels.search_starts, cells + 1, [self._count, self.cell, self.start])
+                if launcher.device.is_cuda
+                else launcher.record(kernels.find_starts, self._count, [self._count, cells, self.cell, self.start]),
             ]
             if self._count
             else []

@@ -11,6 +11,7 @@ from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpsph.kernels.threads import CACHE_LINE, meet
@@ -55,9 +56,9 @@ def _native_messages_silenced() -> Iterator[None]:
         os.close(nowhere)
 
 
-def alias(array: wp.array, dtype: Any, length: int) -> wp.array:
-    """The memory of `array` as `length` entries of another type."""
-    seen = wp.array(ptr=array.ptr, dtype=dtype, shape=length, device=array.device)
+def alias(array: wp.array, dtype: Any, length: int, offset: int = 0) -> wp.array:
+    """The memory of `array` from `offset` [bytes] on as `length` entries of another type."""
+    seen = wp.array(ptr=array.ptr + offset if offset else array.ptr, dtype=dtype, shape=length, device=array.device)
     seen._keep = array  # Warp does not keep the memory that it looks at
     return seen
 
@@ -176,6 +177,7 @@ class Launcher:
             raise DeviceError(f"no device named '{device}' here; Warp finds: {names}") from error
         self.threads = 1 if self.device.is_cuda else max(1, threads or available_cores())
         self._team = Team(self.threads, self.device)
+        self._pinned: dict[tuple[Any, int], wp.array] = {}  # by type and length
 
     def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any], grain: int = 64) -> "Launch":
         """A callable that launches `kernel` over 0..count-1 each time that it is called.
@@ -221,6 +223,20 @@ class Launcher:
         if self.device.is_cuda:
             return array
         return alias(array, wp.uint64, 2 * len(array))
+
+    def read(self, array: wp.array) -> np.ndarray:
+        """A few numbers on the host, which they reach by way of memory that is pinned once: for what is read often.
+
+        They stay as they are until the next array of that type and length is read.
+        """
+        if not self.device.is_cuda:
+            return array.numpy()
+        key = (array.dtype, len(array))
+        if key not in self._pinned:
+            self._pinned[key] = wp.empty(len(array), dtype=array.dtype, device="cpu", pinned=True)
+        wp.copy(self._pinned[key], array)
+        wp.synchronize_stream(self.device)
+        return self._pinned[key].numpy()
 
     def run(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> None:
         """Launch once."""

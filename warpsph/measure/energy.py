@@ -8,7 +8,7 @@ import warp as wp
 
 from warpsph.kernels import energy as kernels
 from warpsph.model import Model
-from warpsph.state import BLOCK_SIZE, State
+from warpsph.state import State
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Energy:
             kernels.sum_blocks,
             rows,
             [
-                *(model.parameters, model.particle_count, BLOCK_SIZE, fluids, state.position, state.velocity),
+                *(model.parameters, state.blocks, fluids, state.position, state.velocity),
                 *(state.density, state.work, state.fluid, self._sums),
             ],
         )

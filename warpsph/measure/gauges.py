@@ -21,7 +21,7 @@ class Gauges:
         self.names = [gauge.name for gauge in gauges]
         self._step = model.spacing / SAMPLES_PER_SPACING
         # As high as the fluid could ever rise without energy from outside, and half as much again.
-        top = floor + 1.5 * (model.initial_position[:, 2].max() - floor) + 4.0 * model.spacing
+        top = floor + 1.5 * (model.top - floor) + 4.0 * model.spacing
         self._heights = [self._column(floor if gauge.bottom is None else gauge.bottom, top) for gauge in gauges]
         if not gauges:
             return

@@ -52,6 +52,8 @@ LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
 # Discs one spacing wide leave gaps. Where a spacing is less than this [px], gaps would only make moiré patterns, and
 # discs are drawn just wide enough to close them.
 SMALLEST_DISC = 5.0
+# So many particles are painted at a time: more would only take memory.
+BLOCK = 1 << 18
 GIF_WIDTH = 800  # [px]
 GIF_RATE = 15.0  # pictures per second of an animated GIF, about [1/s]
 
@@ -94,6 +96,7 @@ class FrameWriter:
         walls: Lines of the walls in the x-z plane [m], each of shape [corner_count, 2].
         bodies: What is drawn of each rigid body, its outline filled.
         spacing: Particle spacing [m].
+        origin: From where all places count, x and z [m]; the axes show it added.
         window: What is seen, ((x, x), (z, z)) [m].
         speed_scale: Speed that is drawn lightest [m/s].
     """
@@ -107,6 +110,7 @@ class FrameWriter:
         walls: Sequence[np.ndarray],
         bodies: Sequence[DrawnBody] = (),
         spacing: float,
+        origin: tuple[float, float] = (0.0, 0.0),
         window: Window,
         speed_scale: float,
     ) -> None:
@@ -114,13 +118,19 @@ class FrameWriter:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._speed_scale = speed_scale
         self._shades = np.stack([_shades(color) for color in fluids.values()])
-        self._figure, axes, legend = _lay_out(window, fluid_count=len(fluids))
+        self._shift = np.array(origin)
+        shown = tuple((low + more, high + more) for (low, high), more in zip(window, origin, strict=True))
+        self._figure, axes, legend = _lay_out(shown, fluid_count=len(fluids))
+        if self._shift.any():
+            axes.ticklabel_format(useOffset=False, style="plain")
         self._canvas = FigureCanvasAgg(self._figure)
         _draw_legend(legend, list(fluids), self._shades, speed_scale)
         self._scale = axes.bbox.width / (window[0][1] - window[0][0])  # [px/m]
         pixels = spacing * self._scale
         self._radius = 0.5 * (pixels if pixels >= SMALLEST_DISC else 2.0**0.5 * pixels)
-        self._walls = LineCollection(walls, colors=INK, linewidths=1.5, capstyle="round")
+        self._walls = LineCollection(
+            [line + self._shift for line in walls], colors=INK, linewidths=1.5, capstyle="round"
+        )
         self._drawn_bodies = list(bodies)
         self._bodies = [
             PolyCollection(
@@ -159,13 +169,16 @@ class FrameWriter:
             if len(faces) > 1:
                 faces, colors = _seen_from_the_front(corners, np.array(faces), body.color)
                 artist.set(facecolors=colors, edgecolors=colors)
-            artist.set_verts([corners[face, ::2] for face in faces])
-        speed = np.linalg.norm(snapshot.velocity, axis=1) / self._speed_scale
-        shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
-        nearest_last = np.argsort(-snapshot.position[:, 1], kind="stable")
+            artist.set_verts([corners[face, ::2] + self._shift for face in faces])
         self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
         self._canvas.restore_region(self._background)
-        self._paint(snapshot.position[nearest_last], self._shades[snapshot.fluid, shade][nearest_last])
+        away = snapshot.position[:, 1]
+        nearest_last = np.argsort(-away, kind="stable") if away.any() else np.arange(len(away))
+        for begin in range(0, len(away), BLOCK):
+            some = nearest_last[begin : begin + BLOCK]
+            speed = np.linalg.norm(snapshot.velocity[some], axis=1) / self._speed_scale
+            shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
+            self._paint(snapshot.position[some], self._shades[snapshot.fluid[some], shade])
         for artist in self._moving:
             self._figure.draw_artist(artist)
         path = self.folder / f"frame.{frame:05d}.png"

@@ -12,8 +12,18 @@ TIME_ROUNDING = 1e-6  # Times are written with six digits behind the point. [s]
 class Record:
     """One CSV file whose first column is time [s]."""
 
-    def __init__(self, path: Path, columns: Sequence[str], resume_at: float | None = None) -> None:
-        """Start the file, or go on with it: rows after `resume_at` [s] are dropped, they will come again."""
+    def __init__(
+        self,
+        path: Path,
+        columns: Sequence[str],
+        resume_at: float | None = None,
+        origin: Sequence[float] | None = None,
+    ) -> None:
+        """Start the file, or go on with it: rows after `resume_at` [s] are dropped, they will come again.
+
+        `origin` is what is added to each column, in its unit: that of the scene where a column holds places.
+        """
+        self._origin = origin or [0.0] * len(columns)
         rows: list[list[str]] = []
         if resume_at is not None and path.exists():
             with path.open(newline="") as file:
@@ -24,7 +34,10 @@ class Record:
 
     def write(self, time: float, values: Sequence[float]) -> None:
         """Add one row."""
-        self._writer.writerow([f"{time:.6f}", *(f"{value:.9g}" for value in values)])
+        cells = (
+            f"{value + more:.7f}" if more else f"{value:.9g}" for value, more in zip(values, self._origin, strict=True)
+        )
+        self._writer.writerow([f"{time:.6f}", *cells])
 
     def close(self) -> None:
         """Close the file."""

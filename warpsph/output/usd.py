@@ -163,6 +163,7 @@ class UsdCache:
             where it starts. In 3-D its four-cornered faces [m], shape [face_count, 4, 3].
         bodies: Name of each rigid body and what is drawn of it.
         spacing: Particle spacing [m], drawn as the diameter of a particle.
+        origin: From where all points count [m]: where the world is put.
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
         provenance: What made the run, kept in the root file; nested mappings and plain values.
         resume_at: Continue a cache: keep its frames before this one, drop the others.
@@ -182,6 +183,7 @@ class UsdCache:
         walls: Mapping[str, np.ndarray],
         bodies: Mapping[str, DrawnBody] | None = None,
         spacing: float,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
         frames_per_second: float,
         provenance: Mapping[str, Any] | None = None,
         resume_at: int | None = None,
@@ -192,7 +194,7 @@ class UsdCache:
         self.frame_count = resume_at or 0
         self._fluids = dict(zip(_prim_names(fluids), fluids.items(), strict=True))
         self._bodies = dict(zip(_prim_names(bodies or {}), (bodies or {}).items(), strict=True))
-        self._spacing = spacing
+        self._spacing, self._origin = spacing, origin
         self._frames_per_second = frames_per_second
         self._provenance = dict(provenance or {})
         self._primvars = CLIPPED_PRIMVARS | (RHEOLOGY_PRIMVARS if rheology else {})
@@ -238,7 +240,9 @@ class UsdCache:
         layer.startTimeCode = layer.endTimeCode = frame
         layer.customLayerData = {"time": float(snapshot.time), "step": int(snapshot.step)}
         for index, prim_name in enumerate(self._fluids):
-            for name, value in self._values(snapshot, np.flatnonzero(snapshot.fluid == index)).items():
+            # All at once, and without a copy, where there is one fluid.
+            members = slice(None) if len(self._fluids) == 1 else np.flatnonzero(snapshot.fluid == index)
+            for name, value in self._values(snapshot, members).items():
                 attribute = f"{FLUID_SCOPE}/{prim_name}.{name}"
                 layer.EraseTimeSample(attribute, frame - 1)
                 layer.SetTimeSample(attribute, frame, value)
@@ -253,7 +257,7 @@ class UsdCache:
         self._write_root()
         return path
 
-    def _values(self, snapshot: Snapshot, members: np.ndarray) -> dict[str, Any]:
+    def _values(self, snapshot: Snapshot, members: np.ndarray | slice) -> dict[str, Any]:
         """The values of the clipped attributes for one fluid, whose particles are `members` of the snapshot."""
         points = snapshot.position[members].astype(np.float32)
         velocities = np.ascontiguousarray(snapshot.velocity[members], dtype=np.float32)
@@ -287,6 +291,12 @@ class UsdCache:
         stage.SetFramesPerSecond(self._frames_per_second)
         stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
         return stage
+
+    def _put_world(self, stage: Usd.Stage) -> None:
+        """Put the world at the origin, in double precision: points are in single, which is too coarse for a map."""
+        if any(self._origin):
+            world = UsdGeom.Xform(stage.GetPrimAtPath("/World"))
+            world.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*self._origin))
 
     def _declare_fluids(self) -> Usd.Stage:
         """A stage that declares the fluids and what changes in them, without a value."""
@@ -340,12 +350,14 @@ class UsdCache:
     def _make_frame_layer(self) -> Sdf.Layer:
         """What all frames have in common; off any stage, which would follow every change."""
         stage = self._declare_fluids()
+        self._put_world(stage)
         self._set_appearance(stage)
         return _off_stage(stage, ".usdc")
 
     def _make_root_layer(self) -> Sdf.Layer:
         """The root without its frames; off any stage, which would look for the other files at once."""
         stage = self._declare_fluids()
+        self._put_world(stage)
         self._set_appearance(stage)
         if self._bodies:
             UsdGeom.Scope.Define(stage, BODY_SCOPE)

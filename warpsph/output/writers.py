@@ -29,26 +29,25 @@ class Outputs:
     def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
         """`resume_at` is the first frame that is yet to come when a run goes on; None for a new run."""
         self._scene, self._simulation, self._folder = scene, simulation, folder
+        start = simulation.start
         colors = {name: material.color for name, material in scene.materials.items()}
         fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
         walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
         bodies = {
             body.name: DrawnBody(*solid.corners(), body.color or color)
-            for body, solid, color in zip(scene.bodies, simulation.placement.solids, cycle(BODY_PALETTE), strict=False)
+            for body, solid, color in zip(scene.bodies, start.solids, cycle(BODY_PALETTE), strict=False)
         }
-        everything = np.concatenate([simulation.placement.position, simulation.placement.wall_position])
         drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
-        mirrors = mirror_lines(scene, everything.min(axis=0), everything.max(axis=0))
+        mirrors = mirror_lines(scene, *start.box)
         crossings = periods(scene)
         self._frame = resume_at or 0
         self._writer, self._writing = ThreadPoolExecutor(1), None
         self._pictures: FrameWriter | None = None
         self._cache: UsdCache | None = None
         if scene.output.pictures:
-            particles = simulation.placement.position[:, ::2]
             view = scene.output.view
             lines = [*(line for wall in walls.values() for line in wall.lines()), *mirrors.values()]
-            seen = [particles, *lines, *(solid.samples[:, ::2] for solid in simulation.placement.solids)]
+            seen = [np.stack(start.fluid_box)[:, ::2], *lines, *(solid.samples[:, ::2] for solid in start.solids)]
             self._pictures = FrameWriter(
                 folder / "preview",
                 title=scene.title,
@@ -56,8 +55,9 @@ class Outputs:
                 walls=lines,
                 bodies=list(bodies.values()),
                 spacing=scene.spacing,
+                origin=(scene.origin[0], scene.origin[2]),
                 window=(view.x, view.z) if view else window_around(np.concatenate(seen), scene.spacing),
-                speed_scale=scene.output.speed_scale or _round(typical_speed(scene, simulation.placement)),
+                speed_scale=scene.output.speed_scale or _round(typical_speed(scene, start)),
             )
         if scene.output.usd:
             self._cache = UsdCache(
@@ -66,6 +66,7 @@ class Outputs:
                 walls=drawn | mirrors,
                 bodies=bodies,
                 spacing=scene.spacing,
+                origin=scene.origin,
                 frames_per_second=scene.output.frames_per_second,
                 provenance={
                     **{"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},

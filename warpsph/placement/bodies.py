@@ -111,8 +111,8 @@ class Solid:
         return corners, [list(range(len(corners)))]
 
 
-def place_bodies(scene: Scene, walls: Sequence[Sheet | Crate]) -> list[Solid]:
-    """The bodies of `scene` where it puts them, `walls` being its walls.
+def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
+    """The bodies of `scene` where it puts them; `drawn` are points on each of its walls [m], shape [n, 3].
 
     Raises SceneError for a body that is impossible, in a wall, or in another body.
     """
@@ -120,22 +120,21 @@ def place_bodies(scene: Scene, walls: Sequence[Sheet | Crate]) -> list[Solid]:
     for i, body in enumerate(scene.bodies):
         path = f"bodies[{i}]"
         solid = _solid(scene, path, body)
-        for wall, one in zip(scene.walls, walls, strict=True):
-            points = one.sample(scene.wall_spacing)[0]
+        for wall, points in zip(scene.walls, drawn, strict=True):
             if (spot := _overlap(scene, solid, points)) is not None:
-                raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {_spot(scene, spot)}")
+                raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {scene.spot(spot)}")
         for other, earlier in zip(scene.bodies, solids, strict=False):
             spot = _overlap(scene, solid, earlier.samples)
             spot = _overlap(scene, earlier, solid.samples) if spot is None else spot
             if spot is not None:
-                raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {_spot(scene, spot)}")
+                raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {scene.spot(spot)}")
         solids.append(solid)
     return solids
 
 
 def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet | Crate], sides: Sequence[int]) -> None:
     """Raises SceneError for a body that lies behind a wall; `sides` are those of the walls on which the fluid is."""
-    for wall, one, side in zip(scene.walls, walls, sides, strict=True):
+    for wall, one, side in zip(scene.walls, walls, sides, strict=True) if solids else ():
         points, normals, _ = one.sample(scene.wall_spacing)
         for i, solid in enumerate(solids):
             if side and _is_behind(solid.body.mass.centre, points, side * normals):
@@ -208,7 +207,8 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
             samples,
         )
     except ValueError as error:
-        raise scene.error(f"{path}.shape", str(error)) from None
+        counted = f" (counted from {scene.spot((0.0, 0.0, 0.0))})" if any(scene.origin) else ""
+        raise scene.error(f"{path}.shape", f"{error}{counted}") from None
 
 
 def _outline(scene: Scene, path: str, shape: SolidField) -> Outline:
@@ -359,9 +359,3 @@ def _turn_in_space(body: BodyField) -> Array:
 def _axis(axis: Sequence[float] | None) -> Array:
     """An axis of turning; without one, that about which x-z turns counter-clockwise as one looks at it."""
     return np.array([0.0, -1.0, 0.0] if axis is None else axis)
-
-
-def _spot(scene: Scene, point: Array) -> str:
-    """Where a point is, in words."""
-    axes = "xz" if scene.dimensions == 2 else "xyz"
-    return ", ".join(f"{axis} = {point['xyz'.index(axis)]:.4g} m" for axis in axes)

@@ -8,7 +8,7 @@ Points are [x, y, z], with y = 0 in a 2-D scene.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
 from warpsph.placement.images import Edge, find_edges, find_images
+from warpsph.placement.origin import localised
 from warpsph.scene.fluids import Fluid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
-from warpsph.shapes.surface import Crate, Frame, Sheet, solid, wall_surface
+from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box, solid, wall_surface
 
 Wall = Sheet | Crate
 
@@ -40,6 +41,24 @@ def near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
     """Whether each of `points` [n, 3] is closer than `reach` [m] to any of `others` [k, 3], shape [n]."""
     found = np.zeros(len(points), dtype=bool)
     if not len(points) or not len(others):
+        return found
+    # Only where the boxes around both overlap can there be any.
+    low, high = around(others)
+    candidates = np.flatnonzero(inside_box(points, low - reach, high + reach))
+    low, high = around(points)
+    others = others[inside_box(others, low - reach, high + reach)]
+    for some in np.split(candidates, range(BLOCK, len(candidates), BLOCK)):
+        if len(some):
+            chosen = points[some]
+            low, high = around(chosen)
+            found[some] = _near(chosen, others[inside_box(others, low - reach, high + reach)], reach)
+    return found
+
+
+def _near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
+    """The same, all at once."""
+    found = np.zeros(len(points), dtype=bool)
+    if not len(others):
         return found
     # Cells of edge `reach` numbered row by row with a margin of one, so that a neighbour is never a wrap-around.
     low = np.minimum(points.min(axis=0), others.min(axis=0))
@@ -61,12 +80,34 @@ def near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
     return found
 
 
-def _cell_centres(scene: Scene, path: str, low: Array, high: Array) -> Array:
-    """Centres of the unit cells that meet the box from `low` to `high`, row by row, shape [n, 3]."""
+def _cell_centres(scene: Scene, path: str, low: Array, high: Array) -> Iterator[Array]:
+    """Centres of the unit cells that meet the box from `low` to `high`, row by row, in slabs of shape [n, 3]."""
     first, last = np.floor(low + 1e-9), np.ceil(high - 1e-9)
-    _refuse_too_many(scene, path, float(np.prod(last - first)))
+    _refuse_too_many(scene, path, float(np.prod(np.maximum(last - first, 0.0))))
     x, y, z = (np.arange(a, b) + 0.5 for a, b in zip(first, last, strict=True))
-    return np.stack(np.meshgrid(z, y, x, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
+    rows = max(1, BLOCK // max(len(x), 1))  # as many whole rows as a block holds, and as many whole layers
+    layers = max(1, rows // max(len(y), 1))
+    for k in range(0, len(z), layers):
+        for j in range(0, len(y), rows):
+            grid = np.meshgrid(z[k : k + layers], y[j : j + rows], x, indexing="ij")
+            yield np.stack(grid[::-1], axis=-1).reshape(-1, 3)
+
+
+def _joined(parts: Sequence[Array], shape: tuple[int, ...] = (0, 3)) -> Array:
+    """All `parts` end to end, without a copy where there is one; empty, of `shape`, where there is none."""
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate([np.empty(shape), *parts])
+
+
+def _count(points: Array, what: Callable[[Array], NDArray[np.bool_]]) -> tuple[int, int]:
+    """For how many of `points` [n, 3] something is so, and for which first, block by block; (0, -1) for none."""
+    total, first = 0, -1
+    for begin in range(0, len(points), BLOCK):
+        so = np.flatnonzero(what(points[begin : begin + BLOCK]))
+        if len(so):
+            total, first = total + len(so), first if total else begin + int(so[0])
+    return total, first
 
 
 def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
@@ -75,14 +116,8 @@ def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
         raise scene.error("spacing", words)
 
 
-def _spot(scene: Scene, point: Array) -> str:
-    """Where a point is, in words."""
-    axes = "xz" if scene.dimensions == 2 else "xyz"
-    return ", ".join(f"{axis} = {point['xyz'.index(axis)]:.4g} m" for axis in axes)
-
-
 def _shape_sites(
-    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], solids: Sequence[Solid]
+    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
 ) -> tuple[Array, Array, list[str]]:
     """Sites of a shape [n, 3] [m], the column of its own that presses on each [n] [m], and warnings."""
     dx, body = scene.spacing, solid(scene, fluid.shape)
@@ -94,23 +129,24 @@ def _shape_sites(
     # In the frame of the lattice a site is a triple of halves. A site on the very edge counts as inside at the low
     # sides and as outside at the high ones, whatever the rounding: hence the nudge.
     frame = Frame(origin, angle, dx)
-    cells = _cell_centres(scene, path, *body.bounds(frame))
-    sites = frame.points(cells[body.holds(cells + LATTICE_SLACK, frame)])
+    slabs = _cell_centres(scene, path, *body.bounds(frame))
+    sites = _joined([frame.points(cells[body.holds(cells + LATTICE_SLACK, frame)]) for cells in slabs])
 
-    for wall, one in zip(scene.walls, walls, strict=True):
-        points = one.sample(scene.wall_spacing)[0]
-        within = body.depth(points) > CLEARANCE_SLACK * dx
-        if within.any():
-            raise scene.error(path, f"wall '{wall.name}' runs through it, at {_spot(scene, points[within][0])}")
-    touching = np.flatnonzero(_distance(walls, sites) < (fluid.clearance - CLEARANCE_SLACK) * dx)
-    if len(touching):
-        words = f"{len(touching)} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
-        raise scene.error(path, f"{words}, the first at {_spot(scene, sites[touching[0]])}")
+    for wall, points in zip(scene.walls, drawn, strict=True):
+        within, first = _count(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
+        if within:
+            raise scene.error(path, f"wall '{wall.name}' runs through it, at {scene.spot(points[first])}")
+    touching, first = _count(sites, lambda some: _distance(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx)
+    if touching:
+        words = f"{touching} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
+        raise scene.error(path, f"{words}, the first at {scene.spot(sites[first])}")
     for one in solids:
-        touching = np.flatnonzero(one.contains(sites) | (one.distance(sites) < (0.5 - CLEARANCE_SLACK) * dx))
-        if len(touching):
+        touching, first = _count(
+            sites, lambda some, one=one: one.contains(some) | (one.distance(some) < (0.5 - CLEARANCE_SLACK) * dx)
+        )
+        if touching:
             words = f"body '{one.body.name}' lies in it or within half a spacing of it"
-            raise scene.error(path, f"{words}, at {_spot(scene, sites[touching[0]])}")
+            raise scene.error(path, f"{words}, at {scene.spot(sites[first])}")
 
     warnings = []
     excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
@@ -119,29 +155,34 @@ def _shape_sites(
         size = f"{'area' if scene.dimensions == 2 else 'volume'} of {body.volume:.4g} m{scene.dimensions}"
         words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its {size}"
         warnings.append(str(scene.error(path, f"{words}; its particles are made {lighter}")))
-    roof = body.roof(sites)
-    # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
-    depth = (roof - sites[:, 2]) * math.cos(math.radians(angle)) ** 2
+    depth = np.empty(len(sites))
     density = scene.materials[fluid.material].density
-    for other in scene.fluids:
-        if other.fill:
-            # Below the water line the water's weight comes on top.
-            depth += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
+    for begin in range(0, len(sites), BLOCK):
+        some = sites[begin : begin + BLOCK]
+        roof = body.roof(some)
+        # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
+        column = (roof - some[:, 2]) * math.cos(math.radians(angle)) ** 2
+        for other in scene.fluids:
+            if other.fill:
+                # Below the water line the water's weight comes on top.
+                column += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
+        depth[begin : begin + BLOCK] = column
     return sites, depth, warnings
 
 
 def _fill_sites(
-    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], solids: Sequence[Solid]
+    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
 ) -> tuple[Array, Array, list[str]]:
     """Sites of a fill [n, 3] [m], the depth of each below the level [n] [m], and warnings."""
     fill, dx = fluid.fill, scene.spacing
-    bed = walls[[wall.name for wall in scene.walls].index(fill.above)]
+    index = [wall.name for wall in scene.walls].index(fill.above)
+    bed, drawn = walls[index], drawn[index]
     low, high = fill.between or (-math.inf, math.inf)
-    drawn = bed.sample(scene.wall_spacing)[0]
     wet = drawn[(drawn[:, 0] >= low - dx) & (drawn[:, 0] <= high + dx) & (drawn[:, 2] < fill.level)]
     if not len(wet):
-        where = f" between {low:g} and {high:g} m" if fill.between else ""
-        raise scene.error(path, f"'{fill.above}' is nowhere below the level {fill.level:g} m{where}")
+        x, _, z = scene.origin
+        where = f" between {low + x:.12g} and {high + x:.12g} m" if fill.between else ""
+        raise scene.error(path, f"'{fill.above}' is nowhere below the level {fill.level + z:.12g} m{where}")
     left, right = max(low, wet[:, 0].min()), min(high, wet[:, 0].max())
     front, back = (wet[:, 1].min(), wet[:, 1].max()) if scene.dimensions == 3 else (-0.5 * dx, 0.5 * dx)
     floor = wet[:, 2].min()
@@ -152,23 +193,26 @@ def _fill_sites(
     start = right - math.ceil((right - left) / dx - LATTICE_SLACK) * dx if upright == [False, True] else left
     corner = np.array([start, front, floor])
     last = np.array([right, back, fill.level]) - LATTICE_SLACK * dx
-    sites = corner + dx * _cell_centres(scene, path, np.zeros(3), (last - corner) / dx)
-    sites = sites[np.all((sites > [left, front, floor]) & (sites < last), axis=1)]
-
-    sites = sites[bed.carries(sites, fill.level)]
-    for obstacle in walls:
-        # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
-        if obstacle.closed and obstacle is not bed and not obstacle.contains(drawn[[len(drawn) // 2]])[0]:
-            sites = sites[~obstacle.contains(sites)]
-    for one in solids:
-        sites = sites[~one.contains(sites)]  # displaced
-    sites = sites[_distance([*walls, *solids], sites) > (fluid.clearance - CLEARANCE_SLACK) * dx]
+    # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
+    middle = drawn[[len(drawn) // 2]]
+    dry = [one for one in walls if one.closed and one is not bed and not one.contains(middle)[0]]
+    parts = []
+    for cells in _cell_centres(scene, path, np.zeros(3), (last - corner) / dx):
+        sites = corner + dx * cells
+        sites = sites[inside_box(sites, np.array([left, front, floor]), last)]
+        sites = sites[bed.carries(sites, fill.level)]
+        for one in [*dry, *solids]:  # bodies displace it
+            sites = sites[~one.contains(sites)]
+        parts.append(sites[_distance([*walls, *solids], sites) > (fluid.clearance - CLEARANCE_SLACK) * dx])
+    sites = _joined(parts)
 
     openings = bed.openings(fill.level, 0.5 * dx)
     is_open = near(openings, sites, 1.5 * dx) & (_distance(walls, openings) > dx)
     if is_open.any():
-        words = f"it would leak at {_spot(scene, openings[is_open][0])}"
-        raise scene.error(path, f"{words}: '{fill.above}' ends there, below the level {fill.level:g} m")
+        words = f"it would leak at {scene.spot(openings[is_open][0])}"
+        raise scene.error(
+            path, f"{words}: '{fill.above}' ends there, below the level {fill.level + scene.origin[2]:.12g} m"
+        )
 
     warnings = []
     sizes = {"depth": fill.level - floor}
@@ -188,7 +232,7 @@ def _fill_sites(
 
 @dataclass(frozen=True)
 class Placement:
-    """Every point of a scene at the start, fluids in the order of `scene.fluids`.
+    """Every point of a scene at the start, counted from its origin, fluids in the order of `scene.fluids`.
 
     Attributes:
         position: Fluid particles [m], shape [particle_count, 3].
@@ -224,6 +268,53 @@ class Placement:
     ground: float
     warnings: tuple[str, ...]
 
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """How many particles each fluid has; those of one fluid follow each other."""
+        ends = np.searchsorted(self.fluid, np.arange(len(self.volume) + 1, dtype=np.int32))
+        return tuple(np.diff(ends).tolist())
+
+
+@dataclass(frozen=True)
+class Start:
+    """What is kept of a placement when its points are on the device.
+
+    Attributes:
+        counts: Particles of each fluid.
+        wall_count: Points of all walls.
+        fluid_box, box: Lower and upper corner of the box around the particles, and around the wall points too [m].
+        drop: How far the highest particle, or body that is free to, can fall [m].
+        top_speed: The highest speed [m/s].
+        sides, solids, ground, warnings: As in `Placement`.
+    """
+
+    counts: tuple[int, ...]
+    wall_count: int
+    fluid_box: tuple[Array, Array]
+    box: tuple[Array, Array]
+    drop: float
+    top_speed: float
+    sides: tuple[int, ...]
+    solids: tuple[Solid, ...]
+    ground: float
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, placement: Placement) -> Start:
+        """That of a placement."""
+        return cls(
+            counts=placement.counts,
+            wall_count=len(placement.wall_position),
+            fluid_box=around(placement.position),
+            box=around(placement.wall_position, placement.position),
+            drop=drop_height(placement),
+            top_speed=top_speed(placement.velocity),
+            sides=placement.sides,
+            solids=placement.solids,
+            ground=placement.ground,
+            warnings=placement.warnings,
+        )
+
 
 def place(scene: Scene) -> Placement:
     """Sample the walls and set out the fluids of `scene`.
@@ -231,9 +322,11 @@ def place(scene: Scene) -> Placement:
     Raises SceneError for what cannot be: an empty fluid, a shape on top of a wall, a fill that leaks, a corner too
     tight for its radius, a speed of sound too low for the drop.
     """
+    scene = localised(scene)
     walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
     _refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
-    solids = place_bodies(scene, walls)
+    drawn = [one.sample(scene.wall_spacing)[0] for one in walls]
+    solids = place_bodies(scene, drawn)
     edges, _ = find_edges(scene)
     warnings: list[str] = []
     placed: list[Array] = []
@@ -242,63 +335,80 @@ def place(scene: Scene) -> Placement:
     for i, fluid in enumerate(scene.fluids):
         path = f"fluids[{i}].{'shape' if fluid.shape else 'fill'}"
         sites, depth, doubts = (
-            _shape_sites(scene, path, fluid, walls, solids)
+            _shape_sites(scene, path, fluid, walls, drawn, solids)
             if fluid.shape
-            else _fill_sites(scene, path, fluid, walls, solids)
+            else _fill_sites(scene, path, fluid, walls, drawn, solids)
         )
-        free = np.ones(len(sites), dtype=bool)
+        all_count = len(sites)
         for earlier in placed:
-            free &= ~near(sites, earlier, (1.0 - LATTICE_SLACK) * scene.spacing)
-        if not free.any():
-            taken = "every site of it is taken by an earlier fluid" if len(sites) else "not one particle fits in it"
+            free = ~near(sites, earlier, (1.0 - LATTICE_SLACK) * scene.spacing)
+            if not free.all():
+                sites, depth = sites[free], depth[free]
+        if not len(sites):
+            taken = "every site of it is taken by an earlier fluid" if all_count else "not one particle fits in it"
             raise scene.error(path, f"{taken}, at a spacing of {scene.spacing:g} m")
         _refuse_beyond(scene, path, edges, sites)
-        placed.append(sites[free])
-        depths.append(depth[free] * fluid.hydrostatic)
+        placed.append(sites)
+        depths.append(depth if fluid.hydrostatic else np.zeros(len(sites)))
         cell = scene.spacing**scene.dimensions
-        volumes.append(solid(scene, fluid.shape).volume / len(sites) if fluid.shape else cell)
+        volumes.append(solid(scene, fluid.shape).volume / all_count if fluid.shape else cell)
         warnings += doubts
 
-    position = np.concatenate([_jittered(scene, i, sites) for i, sites in enumerate(placed)])
+    counts = [len(sites) for sites in placed]
+    position = _joined([_jittered(scene, i, sites) for i, sites in enumerate(placed)])
+    del placed, sites, depth
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)
+    ground = min((float(points[:, 2].min()) for points in drawn), default=float(position[:, 2].min()))
+    warnings += _doubts(scene, position, counts, drawn, edges)
+    del drawn
     samples = [one.set_back(set_back, side).sample(scene.wall_spacing) for one, side in zip(walls, sides, strict=True)]
-    drawn = np.concatenate([one.sample(scene.wall_spacing)[0] for one in walls]) if walls else position
-    velocity = [
-        fluid.velocity if len(fluid.velocity) == 3 else np.insert(fluid.velocity, 1, 0.0) for fluid in scene.fluids
-    ]
-    counts = [len(sites) for sites in placed]
+    for (_, normals, _), side in zip(samples, sides, strict=True):
+        normals *= side
     ways = [one.ways_along(points) for one, (points, _, _) in zip(walls, samples, strict=True)]
-    nowhere = np.empty((0, 3))  # a scene may have no walls
+    points, normals, areas = zip(*samples, strict=True) if walls else ((), (), ())
+    before, after = zip(*ways, strict=True) if walls else ((), ())
     placement = Placement(
         position=position,
-        velocity=np.repeat(velocity, counts, axis=0) + _waves(scene, position, counts),
+        velocity=_velocities(scene, position, counts),
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
-        initial_depth=np.concatenate(depths),
+        initial_depth=_joined(depths, (0,)),
         volume=np.array(volumes),
-        wall_position=np.concatenate([nowhere, *(points for points, _, _ in samples)]),
-        wall_normal=np.concatenate([nowhere, *(n * side for (_, n, _), side in zip(samples, sides, strict=True))]),
-        wall_before=np.concatenate([nowhere, *(before for before, _ in ways)]),
-        wall_after=np.concatenate([nowhere, *(after for _, after in ways)]),
-        wall_area=np.concatenate([np.empty(0), *(areas for _, _, areas in samples)]),
+        wall_position=_joined(points),
+        wall_normal=_joined(normals),
+        wall_before=_joined(before),
+        wall_after=_joined(after),
+        wall_area=_joined(areas, (0,)),
         sides=tuple(sides),
         solids=tuple(solids),
-        ground=float(drawn[:, 2].min()) - (0.0 if walls or not edges else 0.5 * scene.spacing),
+        ground=ground - (0.0 if walls or not edges else 0.5 * scene.spacing),
         warnings=(),
     )
     if edges and walls:
         placement = _repeat_walls(scene, placement)
-    warnings += _doubts(scene, placement, drawn, edges) + _slow_sound(scene, drop_height(placement))
+    warnings += _slow_sound(scene, drop_height(placement))
     return replace(placement, warnings=tuple(warnings))
 
 
-def _waves(scene: Scene, position: Array, counts: Sequence[int]) -> Array:
-    """Velocity of the shear waves at each place, shape [n, 3]; `counts` are the particles of each fluid."""
-    velocity = np.zeros_like(position)
-    for fluid, mine in zip(scene.fluids, np.split(np.arange(len(position)), np.cumsum(counts)[:-1]), strict=True):
+def _velocities(scene: Scene, position: Array, counts: Sequence[int]) -> Array:
+    """Velocity of each particle at the start [m/s], shape [n, 3]; `counts` are the particles of each fluid.
+
+    Where all start alike it is one row that is seen n times, not to be written to.
+    """
+    given = [
+        fluid.velocity if len(fluid.velocity) == 3 else np.insert(fluid.velocity, 1, 0.0) for fluid in scene.fluids
+    ]
+    if len(np.unique(given, axis=0)) == 1 and not any(fluid.shear_wave for fluid in scene.fluids):
+        return np.broadcast_to(np.array(given[0]) + 0.0, position.shape)
+    velocity = np.repeat(given, counts, axis=0) + 0.0
+    ends = np.cumsum(counts).tolist()
+    for fluid, count, end in zip(scene.fluids, counts, ends, strict=True):
         if wave := fluid.shear_wave:
-            velocity[mine, 0] = wave.speed * np.sin(2.0 * np.pi * position[mine, 2] / wave.wavelength)
+            mine = slice(end - count, end)
+            velocity[mine, 0] += wave.speed * np.sin(
+                2.0 * np.pi * (position[mine, 2] + scene.origin[2]) / wave.wavelength
+            )
     return velocity
 
 
@@ -318,15 +428,14 @@ def _refuse_beyond(scene: Scene, path: str, edges: Sequence[Edge], sites: Array)
         if inside.min() < -LATTICE_SLACK * scene.spacing:
             lost = int(np.sum(inside < 0.0))
             words = f"{lost} of {len(sites)} particles lie beyond '{edge.name}', the farthest at "
-            raise scene.error(path, words + _spot(scene, sites[inside.argmin()]))
+            raise scene.error(path, words + scene.spot(sites[inside.argmin()]))
 
 
 def _repeat_walls(scene: Scene, placement: Placement) -> Placement:
     """Walls go on beyond mirrors and periodic edges as their images; what was drawn beyond is left out."""
     points = placement.wall_position
     reach = 2.0 * SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
-    everything = np.concatenate([points, placement.position])
-    edges, images = find_images(scene, reach, everything.min(axis=0), everything.max(axis=0))
+    edges, images = find_images(scene, reach, *around(points, placement.position))
 
     def inside(x: Array, slack: float) -> NDArray[np.bool_]:
         return np.all([x @ edge.normal - edge.offset >= -slack for edge in edges], axis=0)
@@ -355,29 +464,24 @@ def _repeat_walls(scene: Scene, placement: Placement) -> Placement:
     )
 
 
-def behind_walls(placement: Placement, position: Array) -> NDArray[np.bool_]:
-    """Whether each particle at `position` [m], shape [n, 3], is on the far side of its nearest wall point, [n]."""
-    behind = np.zeros(len(position), dtype=bool)
-    count = max(1, 4_000_000 // max(len(placement.wall_position), 1))  # at a time, for the sake of memory
-    for first in range(0, len(position), count):
-        some = position[first : first + count]
-        nearest = np.argmin(((some[:, None] - placement.wall_position) ** 2).sum(axis=2), axis=1)
-        side = np.einsum("ij,ij->i", some - placement.wall_position[nearest], placement.wall_normal[nearest])
-        behind[first : first + count] = side < 0.0
-    return behind
-
-
 def drop_height(placement: Placement) -> float:
     """How far the highest particle, or body that is free to, can fall [m]."""
     tops = [solid.samples[:, 2].max() for solid in placement.solids if solid.body.motion is None]
     return max(float(max([placement.position[:, 2].max(), *tops])) - placement.ground, 0.0)
 
 
-def typical_speed(scene: Scene, placement: Placement) -> float:
+def top_speed(velocity: Array) -> float:
+    """The greatest length of any `velocity` [m/s], shape [n, 3]."""
+    parts = range(0, len(velocity), BLOCK) if velocity.strides[0] else (0,)
+    size = BLOCK if velocity.strides[0] else 1
+    return max(float(np.linalg.norm(velocity[first : first + size], axis=1).max()) for first in parts)
+
+
+def typical_speed(scene: Scene, start: Start) -> float:
     """A speed [m/s] for the colours of pictures: that of a fall, or, where nothing falls, of what is given to move."""
-    given = [float(np.linalg.norm(placement.velocity, axis=1).max())]
+    given = [start.top_speed]
     given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
-    return 0.7 * math.sqrt(2.0 * scene.gravity * drop_height(placement)) or max(given)
+    return 0.7 * math.sqrt(2.0 * scene.gravity * start.drop) or max(given)
 
 
 def _slow_sound(scene: Scene, drop: float) -> list[str]:
@@ -409,8 +513,10 @@ def _slow_sound(scene: Scene, drop: float) -> list[str]:
     return warnings
 
 
-def _doubts(scene: Scene, placement: Placement, drawn: Array, edges: Sequence[Edge]) -> list[str]:
-    """Warnings about what can be run but was hardly meant; `drawn` are points on the walls [m], shape [n, 3]."""
+def _doubts(
+    scene: Scene, position: Array, counts: Sequence[int], drawn: Sequence[Array], edges: Sequence[Edge]
+) -> list[str]:
+    """Warnings about what can be run but was hardly meant; `drawn` are points on each wall [m], shape [n, 3]."""
     doubts = []
     if scene.warm_up is None:
         for i, fluid in enumerate(scene.fluids):
@@ -423,36 +529,51 @@ def _doubts(scene: Scene, placement: Placement, drawn: Array, edges: Sequence[Ed
                 words = f"stands closer than 2 h = {reach:.3g} m to '{edge.name}', beyond which it sees no fluid"
                 doubts.append(scene.error(f"gauges[{i}]", words))
     if scene.walls:
-        falling = _without_ground(placement.position, drawn, scene.spacing)
-        for i in np.unique(placement.fluid[falling]):
-            lost = np.flatnonzero(falling & (placement.fluid == i))
-            first = _spot(scene, placement.position[lost[0]])
-            words = f"{len(lost)} particles have no wall below them, the first at {first}"
-            doubts.append(scene.error(f"fluids[{i}]", words))
-        low, high = drawn.min(axis=0), drawn.max(axis=0)
+        ground = _lowest_walls(drawn, scene.spacing)
+        ends = np.cumsum(counts).tolist()
+        for i, (count, end) in enumerate(zip(counts, ends, strict=True)):
+            sites = position[end - count : end]
+            lost, first = _count(sites, lambda some: _without_ground(some, *ground, scene.spacing))
+            if lost:
+                words = f"{lost} particles have no wall below them, the first at {scene.spot(sites[first])}"
+                doubts.append(scene.error(f"fluids[{i}]", words))
+        low, high = around(*drawn)
         for i, gauge in enumerate(scene.gauges):
             for axis, place in {0: gauge.x, 1: gauge.y or 0.0}.items():
                 if not low[axis] <= place <= high[axis]:
-                    reach = f"which reach from {low[axis]:g} to {high[axis]:g} m"
-                    doubts.append(
-                        scene.error(f"gauges[{i}].{'xy'[axis]}", f"{place:g} m lies beyond the walls, {reach}")
-                    )
+                    first, last, here = (x + scene.origin[axis] for x in (low[axis], high[axis], place))
+                    reach = f"which reach from {first:.12g} to {last:.12g} m"
+                    words = f"{here:.12g} m lies beyond the walls, {reach}"
+                    doubts.append(scene.error(f"gauges[{i}].{'xy'[axis]}", words))
     return [str(doubt) for doubt in doubts]
 
 
-def _without_ground(sites: Array, drawn: Array, spacing: float) -> NDArray[np.bool_]:
-    """Whether no wall lies straight below each of `sites` [n, 3], to within one spacing, shape [n]."""
-    corner = drawn[:, :2].min(axis=0)
-    column = np.floor((drawn[:, :2] - corner) / spacing).astype(np.int64)
-    # One empty column more on every side, so that all neighbours of every column exist.
-    lowest = np.full(column.max(axis=0) + 3, np.inf)
-    np.minimum.at(lowest, tuple(column.T + 1), drawn[:, 2])
+def _lowest_walls(drawn: Sequence[Array], spacing: float) -> tuple[Array, Array]:
+    """A corner of a square lattice [m], shape [2], and the lowest wall in and around each column of it [m].
+
+    One column more stands on every side, so that all neighbours of every column exist.
+    """
+    corner = np.min([points[:, :2].min(axis=0) for points in drawn], axis=0)
+    farthest = np.max([points[:, :2].max(axis=0) for points in drawn], axis=0)
+    lowest = np.full(np.floor((farthest - corner) / spacing).astype(np.int64) + 3, np.inf)
+    for points in drawn:
+        for begin in range(0, len(points), BLOCK):
+            some = points[begin : begin + BLOCK]
+            column = np.floor((some[:, :2] - corner) / spacing).astype(np.int64)
+            np.minimum.at(lowest, tuple(column.T + 1), some[:, 2])
     wide, deep = np.array(lowest.shape) - 2
-    around = np.min([lowest[i : i + wide, k : k + deep] for i in range(3) for k in range(3)], axis=0)
+    return corner, np.min([lowest[i : i + wide, k : k + deep] for i in range(3) for k in range(3)], axis=0)
+
+
+def _without_ground(sites: Array, corner: Array, lowest: Array, spacing: float) -> NDArray[np.bool_]:
+    """Whether no wall lies straight below each of `sites` [n, 3], to within one spacing, shape [n].
+
+    `corner` and `lowest` are those of `_lowest_walls`.
+    """
     place = np.floor((sites[:, :2] - corner) / spacing).astype(np.int64)
-    beyond = np.any((place < 0) | (place >= [wide, deep]), axis=1)
-    i, k = np.clip(place, 0, [wide - 1, deep - 1]).T
-    return beyond | (sites[:, 2] < around[i, k])
+    beyond = np.any((place < 0) | (place >= lowest.shape), axis=1)
+    i, k = np.clip(place, 0, np.array(lowest.shape) - 1).T
+    return beyond | (sites[:, 2] < lowest[i, k])
 
 
 def _round_up(value: float) -> float:
@@ -463,4 +584,7 @@ def _round_up(value: float) -> float:
 
 def _distance(walls: Sequence[Wall | Solid], points: Array) -> Array:
     """Distance from each of `points` [n, 3] to the nearest wall [m], shape [n]."""
-    return np.min([np.full(len(points), np.inf), *(one.distance(points) for one in walls)], axis=0)
+    least = np.full(len(points), np.inf)
+    for one in walls:
+        np.minimum(least, one.distance(points), out=least)
+    return least

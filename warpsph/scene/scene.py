@@ -166,6 +166,7 @@ class Scene(Part):
     allow: tuple[Literal["low_sound_speed"], ...] = Field((), description="Refusals to turn into warnings [-].")
 
     _source: SourceMap = PrivateAttr(default_factory=SourceMap)
+    _origin: tuple[float, float, float] = PrivateAttr((0.0, 0.0, 0.0))
 
     @property
     def smoothing_length(self) -> float:
@@ -187,6 +188,17 @@ class Scene(Part):
     def start_time(self) -> float:
         """Where the clock starts [s]: 0, or minus the length of the warm-up."""
         return -self.warm_up.duration if self.warm_up else 0.0
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """What has been taken off all places of this scene [m], as `placement.origin` does; 0 as it was read."""
+        return self._origin
+
+    def spot(self, point: Sequence[float]) -> str:
+        """Where a point [x, y, z] of this scene [m] is, in words and in the coordinates of the user."""
+        axes = "xz" if self.dimensions == 2 else "xyz"
+        places = {axis: (point["xyz".index(axis)], self.origin["xyz".index(axis)]) for axis in axes}
+        return ", ".join(f"{axis} = {place(*place_of)} m" for axis, place_of in places.items())
 
     def error(self, path: str, message: str) -> SceneError:
         """A `SceneError` about the field at `path` (such as `fluids[1].shape`), for the caller to raise."""
@@ -212,6 +224,13 @@ class Scene(Part):
         for path, message in _contradictions(self):
             raise fault(message, path)
         return self
+
+
+def place(coordinate: float, origin: float) -> str:
+    """A coordinate of a scene [m] in words, `origin` [m] added: to four figures of what the scene is about."""
+    if not origin:
+        return f"{coordinate:.4g}"
+    return f"{coordinate + origin:.4f}".rstrip("0").rstrip(".")
 
 
 def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:

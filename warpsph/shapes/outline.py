@@ -43,7 +43,8 @@ class Line:
         """Distance from each of `points` to the leg [m], shape [n]."""
         along = (self.end - self.start) / self.length
         foot = np.clip((points - self.start) @ along, 0.0, self.length)
-        return np.linalg.norm(points - self.start - foot[:, None] * along, axis=1)
+        x, z = (points[:, axis] - self.start[axis] - foot * along[axis] for axis in (0, 1))
+        return np.sqrt(x * x + z * z)
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,10 @@ class Outline:
 
     def distance(self, points: Array) -> Array:
         """Distance from each of `points` to the line [m], shape [n]."""
-        return np.min([leg.distance(points) for leg in self.legs], axis=0)
+        least = np.full(len(points), np.inf)
+        for leg in self.legs:
+            np.minimum(least, leg.distance(points), out=least)
+        return least
 
     def polygon(self) -> Array:
         """Corners [m, 2] of the outline, arcs in steps of half a degree, for telling the inside from the outside."""

@@ -19,6 +19,8 @@ from warpsph.scene.shapes import Shape
 from warpsph.shapes.outline import Array, Line, Outline, closed_outline, wall_outline
 from warpsph.shapes.points import turned
 
+# So many points are worked on at a time: more would only take memory.
+BLOCK = 1 << 18
 FACES = get_args(Face)  # two for each axis, the low one first
 
 
@@ -29,6 +31,22 @@ def contains(polygon: Array, points: Array) -> NDArray[np.bool_]:
     for (ax, az), (bx, bz) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if az != bz:
             inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
+    return inside
+
+
+def around(*sets: Array) -> tuple[Array, Array]:
+    """Lower and upper corner of the box around points [m], each of shape [3]; some of the sets may be empty."""
+    some = [points.T for points in sets if len(points)]
+    # Column by column: over rows of three numpy takes ten times as long.
+    lower = np.array([min(float(points[axis].min()) for points in some) for axis in range(3)])
+    return lower, np.array([max(float(points[axis].max()) for points in some) for axis in range(3)])
+
+
+def inside_box(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+    """Whether each of `points` [n, 3] lies inside a box and not on its faces, shape [n]."""
+    inside = np.ones(len(points), dtype=bool)
+    for x, a, b in zip(points.T, low, high, strict=True):
+        inside &= (x > a) & (x < b)
     return inside
 
 
@@ -53,6 +71,11 @@ def divide(low: float, high: float, spacing: float) -> tuple[Array, Array]:
 def _across(plane: Array, stations: Array) -> Array:
     """Points of the x-z plane [n, 2], once at each of the stations along y [k], shape [k n, 3]."""
     return np.concatenate([np.empty((0, 3)), *(in_space(plane, y) for y in stations)])
+
+
+def _nothing(points: Array) -> Array:
+    """A row of zeros that is seen as many times as there are points, not to be written to, shape [n, 3]."""
+    return np.broadcast_to(np.zeros(3), points.shape)
 
 
 # --------------------------------------------------------------------------------------------------------------- walls
@@ -155,7 +178,7 @@ class Sheet:
         """From each of `points` that `sample` gave to the one before and to the one after it on the outline [m], each
         of shape [m, 3]; 0 where the outline ends, and on a wall with a width, along which there is no one way."""
         if self.width:
-            return np.zeros_like(points), np.zeros_like(points)
+            return _nothing(points), _nothing(points)
         before, after = np.roll(points, 1, axis=0) - points, np.roll(points, -1, axis=0) - points
         if not self.closed:
             before[0] = after[-1] = 0.0
@@ -207,22 +230,25 @@ class Crate:
 
     def distance(self, points: Array) -> Array:
         """Distance from each of `points` to the wall [m], shape [n]."""
-        gaps = []
+        least = np.full(len(points), np.inf)
         for side in self.sides():
-            low, high = self._rectangle(*side)
-            gaps.append(np.linalg.norm(points - np.clip(points, low, high), axis=1))
-        return np.min(gaps, axis=0)
+            squares = np.zeros(len(points))
+            for x, low, high in zip(points.T, *self._rectangle(*side), strict=True):
+                gap = x - np.clip(x, low, high)
+                squares += gap * gap
+            np.minimum(least, squares, out=least)
+        return np.sqrt(least)
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each of `points` lies inside the box, shape [n]."""
-        return np.all((points > self.low) & (points < self.high), axis=1)
+        return inside_box(points, self.low, self.high)
 
     def carries(self, points: Array, level: float) -> NDArray[np.bool_]:
         """Whether each of `points` lies inside the box, or above it where it has no top, shape [n]."""
         high = self.high.copy()
         if "top" in self.open:
             high[2] = math.inf
-        return np.all((points > self.low) & (points < high), axis=1)
+        return inside_box(points, self.low, high)
 
     def openings(self, level: float, spacing: float) -> Array:
         """Points [n, 3] all over the places where water at `level` would run out, `spacing` [m] apart."""
@@ -270,27 +296,41 @@ class Crate:
         area that each stands for [m2], shape [m].
         """
         stations, shares = zip(*(divide(a, b, spacing) for a, b in zip(self.low, self.high, strict=True)), strict=True)
-        count = np.array([len(axis) for axis in stations])
-        sites, normals, areas = [], [], []
-        for axis, end in self.sides():
-            ends = np.array([(0, count[axis] - 1)[end]])
-            indices = [ends if other == axis else np.arange(count[other]) for other in range(3)]
-            sites.append(np.stack(np.meshgrid(*indices, indexing="ij"), axis=-1).reshape(-1, 3))
-            normals.append(np.tile(np.eye(3)[axis] * (1 - 2 * end), (len(sites[-1]), 1)))
-            along, across = (shares[other] for other in range(3) if other != axis)
-            areas.append(np.outer(along, across).ravel())
-        site = np.concatenate(sites)
-        key = (site[:, 2] * count[1] + site[:, 1]) * count[0] + site[:, 0]
-        _, first, place = np.unique(key, return_index=True, return_inverse=True)
-        normal, area = np.zeros((len(first), 3)), np.zeros(len(first))
-        np.add.at(normal, place, np.concatenate(normals))
-        np.add.at(area, place, np.concatenate(areas))
-        points = np.stack([stations[axis][site[first, axis]] for axis in range(3)], axis=1)
-        return points, normal / np.linalg.norm(normal, axis=1)[:, None], area
+        last = [len(axis) - 1 for axis in stations]
+        sides = self.sides()
+        # Sites in a layer: all of it where there is a bottom or a top, and the ring of the faces around elsewhere.
+        y, x = (axis.ravel() for axis in np.meshgrid(np.arange(last[1] + 1), np.arange(last[0] + 1), indexing="ij"))
+        on_ring = np.zeros(len(x), dtype=bool)
+        for axis, end in sides:
+            if axis < 2:
+                on_ring |= (x, y)[axis] == (0, last[axis])[end]
+        ring = x[on_ring], y[on_ring]
+        layers = [(x, y) if (2, end) in sides else ring for end in (0, 1)]
+        height = max(1, BLOCK // max(len(ring[0]), 1))
+        blocks = [(layers[0], 0, 1)]
+        blocks += [(ring, k, min(k + height, last[2])) for k in range(1, last[2], height)]
+        blocks.append((layers[1], last[2], last[2] + 1))
+        count = sum(len(layer[0]) * (end - begin) for layer, begin, end in blocks)
+        points, normals, areas = np.empty((count, 3)), np.zeros((count, 3)), np.zeros(count)
+        done = 0
+        for layer, begin, end in blocks:
+            site = [np.tile(axis, end - begin) for axis in layer]
+            site.append(np.repeat(np.arange(begin, end), len(layer[0])))
+            mine = slice(done, done + len(site[0]))
+            done = mine.stop
+            for axis in range(3):
+                points[mine, axis] = stations[axis][site[axis]]
+            for axis, side in sides:
+                on = np.flatnonzero(site[axis] == (0, last[axis])[side])
+                along, across = (shares[other][site[other][on]] for other in range(3) if other != axis)
+                normals[mine, axis][on] += 1 - 2 * side
+                areas[mine][on] += along * across
+            normals[mine] /= np.linalg.norm(normals[mine], axis=1)[:, None]
+        return points, normals, areas
 
     def ways_along(self, points: Array) -> tuple[Array, Array]:
         """0 for each of `points` that `sample` gave, twice, shape [m, 3]: a face runs in no one way."""
-        return np.zeros_like(points), np.zeros_like(points)
+        return _nothing(points), _nothing(points)
 
     def lines(self) -> list[Array]:
         """What is drawn of it, seen from the side: its end faces, bottom and top, each of shape [2, 2] [m]."""
@@ -376,10 +416,12 @@ class Prism:
     def depth(self, points: Array) -> Array:
         """How far inside it each of `points` lies [m], shape [n]; 0 outside."""
         plane = in_plane(points)
-        inside = contains(self.outline.polygon(), plane)
         low, high = self.width
         to_side = np.minimum(points[:, 1] - low, high - points[:, 1])
-        return np.where(inside, np.maximum(np.minimum(self.outline.distance(plane), to_side), 0.0), 0.0)
+        inside = np.flatnonzero(contains(self.outline.polygon(), plane) & (to_side > 0.0))
+        depth = np.zeros(len(points))
+        depth[inside] = np.minimum(self.outline.distance(plane[inside]), to_side[inside])
+        return depth
 
     def roof(self, points: Array) -> Array:
         """Height of its first edge straight above each of `points` [m], shape [n]."""

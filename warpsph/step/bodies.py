@@ -15,7 +15,7 @@ from warpsph.kernels import loads
 from warpsph.kernels.walls import wall_acceleration_kernel
 from warpsph.model import Model
 from warpsph.placement.bodies import contact_of_walls
-from warpsph.placement.place import Placement
+from warpsph.placement.place import Start
 from warpsph.shapes.surface import wall_surface
 from warpsph.state import State
 
@@ -43,23 +43,23 @@ class Coupling:
     KEPT = ("position", "orientation", "velocity", "spin", "_impulse", "_last_key", "_last_count")
     LISTED = ("listed_position", "listed_orientation", "listed_point")
 
-    def __init__(self, model: Model, state: State, placement: Placement) -> None:
+    def __init__(self, model: Model, state: State, start: Start) -> None:
         scene, launcher = model.scene, model.launcher
         self.model, self.state = model, state
-        self.solids = placement.solids
+        self.solids = start.solids
         walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
-        legs, points = contact_of_walls(scene, walls, placement.sides)
+        legs, points = contact_of_walls(scene, walls, start.sides)
         self.set = b = BodySet(
             launcher,
-            [solid.body for solid in placement.solids],
+            [solid.body for solid in start.solids],
             legs,
             points,
             dimensions=scene.dimensions,
             gravity=(0.0, 0.0, -scene.gravity),
             smoothing_length=scene.smoothing_length,
         )
-        self.names = [solid.body.name for solid in placement.solids]
-        self._start = [(np.array(s.body.velocity, float), np.array(s.body.spin, float)) for s in placement.solids]
+        self.names = [solid.body.name for solid in start.solids]
+        self._start = [(np.array(s.body.velocity, float), np.array(s.body.spin, float)) for s in start.solids]
         self._hold_still()
         b.move_points()()
 
@@ -67,10 +67,10 @@ class Coupling:
         self._reach = max(model.support + scene.wall_spacing, model.list_radius)
         self._most_motion = MOST_MOTION * model.support
         self._radius = self._reach + model.longest_motion + self._most_motion
-        firsts = np.concatenate([[0], np.cumsum([0, *(len(s.body.surface.points) for s in placement.solids)])])
-        reach = [0.0, *(_farthest(s.body.surface.points - s.body.mass.centre) for s in placement.solids)]
+        firsts = np.concatenate([[0], np.cumsum([0, *(len(s.body.surface.points) for s in start.solids)])])
+        reach = [0.0, *(_farthest(s.body.surface.points - s.body.mass.centre) for s in start.solids)]
         # Contact may move a corner that stands farther out than the points.
-        swept = [0.0, *(_farthest(s.corners()[0]) for s in placement.solids)]
+        swept = [0.0, *(_farthest(s.corners()[0]) for s in start.solids)]
         device, count = launcher.device, model.particle_count
         self._body_first = wp.array(firsts, dtype=int, device=device)
         self._body_reach = wp.array(np.array(reach) * (1.0 + 1e-5), dtype=float, device=device)
@@ -117,7 +117,7 @@ class Coupling:
         """
         self._count_points()
         wp.utils.array_scan(self._count, self.first, inclusive=False)
-        total = int(self.first.numpy()[-1])
+        total = int(self.first[self.model.particle_count :].numpy()[0])
         grown = total > len(self.list)
         if grown:
             self.list = wp.zeros(total + total // 4, dtype=int, device=self.model.launcher.device)

@@ -6,7 +6,7 @@ from warpsph.device.cells import Cells
 from warpsph.device.launch import Launch
 from warpsph.kernels import images as kernels
 from warpsph.model import Model
-from warpsph.state import BLOCK_SIZE, State
+from warpsph.state import State
 
 
 class Ghosts:
@@ -31,7 +31,7 @@ class Ghosts:
         moved = [s.position, s.velocity, s.acceleration, s.xsph_velocity]
         lift = s.wall_distance  # free between steps
         self._fold = record(kernels.fold, n, [model.images, model.parameters, s.fluid, *moved, lift])
-        self._book_lift = record(kernels.book_lift, s.block_count, [n, BLOCK_SIZE, lift, s.work])
+        self._book_lift = record(kernels.book_lift, s.block_count, [s.blocks, lift, s.work])
         self._make_room(64)
 
     def _make_room(self, room: int) -> None:
@@ -67,7 +67,7 @@ class Ghosts:
         n = self._model.particle_count
         self._count_ghosts()
         wp.utils.array_scan(self._first, self._first, inclusive=False)
-        total = int(self._first.numpy()[n])
+        total = int(self._first[n:].numpy()[0])
         grown = total > len(self.source)
         if grown:
             self._make_room(total + total // 4)
@@ -77,18 +77,18 @@ class Ghosts:
         self._cells.sort()
         return grown
 
-    def append(self, neighbour_list: wp.array) -> None:
+    def append(self, neighbour_list: wp.array, too_long: wp.array) -> None:
         """Append the ghosts to the rows of the lists, which are another array whenever rows have grown."""
         model = self._model
         if self._appended_to is not neighbour_list:
             self._appended_to = neighbour_list
             self._append = model.launcher.record(
-                kernels.list_ghosts,
+                kernels.list_ghosts_kernel(model.layout),
                 model.particle_count,
                 [
                     *(model.grid, model.parameters, model.particle_count, self._cells.start, self._cells.order),
                     *(self._particles.cell, self._state.listed_position, self._position),
-                    *(self._count, neighbour_list, self.inner_count),
+                    *(self._count, neighbour_list, self.inner_count, too_long),
                 ],
             )
         self._append()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import warp as wp
 
 from warpsph.device.cells import Cells
@@ -18,7 +19,7 @@ class Neighbours:
     Attributes:
         cells: The particles' cells at the time of listing.
         are_listed: Whether there are lists of neighbours; if not, pair loops walk the cells.
-        count, list: Neighbours of i are list[i row_stride + k column_stride], k < count[i].
+        count, list: Neighbours of i are entries k < count[i] of its row, list[i, k] on a CPU and list[k, i] on a GPU.
         ghosts: What is seen through images; None where there are none.
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
         rebuilds: How often the lists were built.
@@ -31,9 +32,12 @@ class Neighbours:
         lent = (state.pressure_acceleration, state.dissipative_acceleration)
         self.cells = Cells(model.grid, state.listed_position, model.launcher, lent)
         self.are_listed = model.formulas.neighbours == "lists"
-        listed = count if self.are_listed else 0
-        self.count = wp.zeros(max(listed, 1), dtype=int, device=device)
-        self.list = wp.zeros(max(listed * model.parameters.list_capacity, 1), dtype=int, device=device)
+        self.count = wp.zeros(count if self.are_listed else 1, dtype=int, device=device)
+        self.list = self._make_list()
+        # What the host asks after lists were made: whether a row may have been cut short, and how many wall points all
+        # particles have on their lists.
+        self._asked = wp.zeros(2, dtype=int, device=device)
+        self._too_long = self._asked[:1]
         self.wall_first = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
@@ -41,15 +45,21 @@ class Neighbours:
         self._record()
         self._permute = self._record_permutation()
 
+    def _make_list(self) -> wp.array:
+        """Lists with room for `list_capacity` neighbours a particle."""
+        model = self.model
+        shape = model.layout.list_shape(model.particle_count, model.parameters.list_capacity)
+        return wp.zeros(shape if self.are_listed else (1, 1), dtype=int, device=model.launcher.device)
+
     def _record(self) -> None:
         """Bind the launches to the arrays as they are now."""
         model, record, count = self.model, self.model.launcher.record, self.model.particle_count
         grid, parameters, listed, cell = model.grid, model.parameters, self.state.listed_position, self.cells.cell
         self._round = record(kernels.round_position, count, [self.state.position, listed])
         self._list = record(
-            kernels.list_kernel(model.layout.by_column),
+            kernels.list_kernel(model.layout),
             count,
-            [grid, parameters, self.cells.start, cell, listed, self.count, self.list],
+            [grid, parameters, self.cells.start, cell, listed, self.count, self.list, self._too_long],
         )
         near = [grid, model.wall_radius, model.near_wall, model.wall_start, cell, listed, model.wall_position]
         walls = [*near, self.wall_first, self.wall_first, self.wall_list]
@@ -90,9 +100,10 @@ class Neighbours:
         has_more_ghosts = bool(self.ghosts) and self.ghosts.make()
         if has_more_ghosts:
             self._permute = self._record_permutation()
+        self._too_long.zero_()
         self._look_around()
         if self.ghosts:
-            self.ghosts.append(self.list)
+            self.ghosts.append(self.list, self._too_long)
         wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
         grown = self._grow() or has_more_ghosts
         self._list_walls()
@@ -100,20 +111,28 @@ class Neighbours:
         self.rebuilds += 1
         return grown
 
+    def rows(self) -> np.ndarray:
+        """The lists on the host, shape [particle_count, capacity]; of row i only the first count[i] mean anything."""
+        entries = self.list.numpy()
+        return entries.T if self.model.layout.by_column else entries
+
     def _grow(self) -> bool:
         """Make room where a row or the wall list was too short."""
         model, device = self.model, self.model.launcher.device
-        wall_total = int(self.wall_first.numpy()[-1])
+        wp.copy(self._asked, self.wall_first, dest_offset=1, src_offset=model.particle_count, count=1)
+        is_too_long, wall_total = map(int, model.launcher.read(self._asked))
         grown = wall_total > len(self.wall_list)
         if grown:
             self.wall_list = wp.zeros(wall_total + wall_total // 4, dtype=int, device=device)
             self._record()
-        while int(self.count.numpy().max()) >= (capacity := model.parameters.list_capacity) - 1:  # cut short, perhaps
-            model.set_list_capacity(model.parameters, capacity + capacity // 4 + 1)
-            self.list = wp.zeros(model.particle_count * model.parameters.list_capacity, dtype=int, device=device)
+        while is_too_long:
+            capacity = model.parameters.list_capacity
+            model.parameters.list_capacity = capacity + capacity // 4 + 1
+            self.list = self._make_list()
             self._record()
+            self._too_long.zero_()
             self._list()
             if self.ghosts:
-                self.ghosts.append(self.list)
-            grown = True
+                self.ghosts.append(self.list, self._too_long)
+            is_too_long, grown = int(model.launcher.read(self._asked)[0]), True
         return grown

@@ -10,7 +10,7 @@ from warpsph.kernels import corrections, density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.model import Model
-from warpsph.state import BLOCK_SIZE, NO_LAST_STEP, State
+from warpsph.state import NO_LAST_STEP, State
 from warpsph.step.bodies import Coupling
 from warpsph.step.neighbours import Neighbours
 from warpsph.step.viscosity import Viscosity
@@ -62,11 +62,11 @@ class Step:
     def run(self, most_steps: int | None = None) -> None:
         """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
         s = self.state
-        last = NO_LAST_STEP if most_steps is None else int(s.step.numpy()[0]) + most_steps
+        last = NO_LAST_STEP if most_steps is None else int(s.clock()["step"]) + most_steps
         s.last_step.fill_(last)
         self._aim()
-        while s.dt.numpy()[0] > 0.0 and (most_steps is None or s.step.numpy()[0] < last):
-            if s.stale.numpy()[0]:
+        while (clock := s.clock())["dt"] > 0.0 and clock["step"] < last:
+            if clock["stale"]:
                 self._bind(self._rebuild())
                 self._aim()
             if self.loops:
@@ -83,7 +83,7 @@ class Step:
 
     def resume(self) -> None:
         """Take up a state that was read from a checkpoint."""
-        stale = bool(self.state.stale.numpy()[0])
+        stale = bool(self.state.clock()["stale"])
         grown = self.neighbours.relist()
         if self.bodies:
             self.bodies.set.move_points()()
@@ -247,10 +247,10 @@ class Step:
         s, m, n, chosen = self.state, self.model, self.neighbours, self.model.scene.density_filter
         if chosen.model == "none":
             return {}
-        kernel = corrections.density_filter_kernel(m.formulas.smoothing, chosen.model)
+        kernel = corrections.density_filter_kernel(m.formulas.smoothing, chosen.model, layout=m.layout)
         due = (chosen.every, s.step)
         packed = (s.position_volume, s.velocity_pressure)
-        sums = [m.particle_count, BLOCK_SIZE, *due, s.particle_work, s.work]
+        sums = [s.blocks, *due, s.particle_work, s.work]
         return {
             "density filter": self._launch(
                 kernel, *due, s.position_volume, s.fluid_and_ghosts, n.count, n.list, s.density, s.filtered_density
@@ -268,7 +268,7 @@ class Step:
         s, m, n = self.state, self.model, self.neighbours
         if m.formulas.diffusion not in density.BY_GRADIENT:
             return {}
-        kernel = density.pressure_gradient_kernel(m.formulas.smoothing)
+        kernel = density.pressure_gradient_kernel(m.formulas.smoothing, m.layout)
         packed = (s.position_volume, s.velocity_pressure, s.fluid)
         return {"pressure gradient": self._launch(kernel, *packed, n.count, n.list, s.pressure_gradient)}
 
@@ -360,7 +360,7 @@ class Step:
             integrators.watch_blocks,
             s.block_count,
             [
-                *(m.particle_count, BLOCK_SIZE, s.particle_dt_limit, s.particle_fault, s.particle_work, s.work),
+                *(s.blocks, s.particle_dt_limit, s.particle_fault, s.particle_work, s.work),
                 *(s.block_dt_limit, s.block_fault_slot),
             ],
         )
@@ -377,16 +377,19 @@ class Step:
         blocks = s.block_count + (2 if self.viscosity else more)
         strains = s.strain_block_count + more
         limits, slots, collect = s.block_dt_limit, s.block_fault_slot, []
-        if s.top_count:
-            inputs = [blocks, BLOCK_SIZE, limits, slots, s.top_dt_limit, s.top_fault_slot]
-            collect = [m.launcher.record(integrators.collect_blocks, s.top_count, inputs, grain=s.top_count + 1)]
-            blocks, limits, slots = s.top_count, s.top_dt_limit, s.top_fault_slot
-        largest = m.launcher.record(
-            neighbours.largest_of_blocks,
-            s.strain_block_count,
-            [s.cell_block_count, BLOCK_SIZE, s.strain, s.block_strain],
-            grain=s.strain_block_count + 1,  # one thread: the clock follows at once
-        )
+
+        def one_thread(kernel: wp.Kernel, count: int, arguments: list[object]) -> Launch:
+            """One thread of a CPU: the clock follows at once."""
+            return m.launcher.record(kernel, count, arguments, grain=count + 1)
+
+        for stage, least, slot in s.stages:
+            inputs = [stage, limits, slots, least, slot]
+            collect.append(one_thread(integrators.collect_blocks, len(least), inputs))
+            blocks, limits, slots = len(least), least, slot
+        strain = s.strain
+        for stage, largest in s.strain_stages:
+            collect.append(one_thread(neighbours.largest_of_blocks, len(largest) - 1, [stage, strain, largest]))
+            strain = largest
         advance = m.launcher.record(
             integrators.advance_clock,
             1,
@@ -396,7 +399,7 @@ class Step:
                 *(s.dt_limit, s.stale, s.running),
             ],
         )
-        return m.launcher.chain(*collect, largest, advance)
+        return m.launcher.chain(*collect, advance)
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ def slide_of(run: Run) -> Slide | None:
     c = solitary_celerity(
         depth=depth, amplitude=0.5 * (first.fit.amplitude + last.fit.amplitude), gravity=scene.gravity
     )
-    walls = simulation.placement.wall_position
+    walls = simulation.model.wall_position.numpy()
     centre = simulation.bodies.set.position.numpy()[1]
     energy = read_record(run.folder / "energy.csv")
     of_block = energy["bodies kinetic [J/m]"] + energy["bodies potential [J/m]"]

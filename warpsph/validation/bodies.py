@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from warpsph.measure.leaks import behind_walls
 from warpsph.output.records import read_record
-from warpsph.placement.place import behind_walls
 from warpsph.run import Run
 from warpsph.simulation import Simulation
 from warpsph.theory.analytic import floating_draft, heave_in_tank, highest
@@ -47,9 +47,7 @@ def measure_sinking_disc(run: Run) -> list[Result]:
     return [
         at_most("error of the momentum over the impulse exchanged", "", worst, 1e-5, "Vasco (2014) eq 113-114"),
         at_most("particles in the disc", "", inside, 0, "no leak"),
-        at_most(
-            "particles behind a wall", "", int(behind_walls(run.simulation.placement, position).sum()), 0, "no leak"
-        ),
+        at_most("particles behind a wall", "", int(behind_walls(run.simulation.model, position).sum()), 0, "no leak"),
     ]
 
 

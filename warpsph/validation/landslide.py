@@ -5,8 +5,8 @@ import math
 from pathlib import Path
 
 from warpsph.measure.energy import drift_and_converted
+from warpsph.measure.leaks import behind_walls
 from warpsph.output.records import find_crest, find_front, read_record
-from warpsph.placement.place import behind_walls
 from warpsph.run import Run
 from warpsph.validation.result import Result, against, at_most
 
@@ -32,7 +32,7 @@ def measure_landslide(run: Run) -> list[Result]:
         _amplitude(depth, amplitude),
         against("celerity of the wave, at half height", "m/s", celerity, expected, 0.03, "sqrt(g (d + a))"),
         at_most("drift of the energy sum over converted", "", drift / converted, 0.01, "conservation"),
-        at_most("particles behind a wall", "", int(behind_walls(simulation.placement, position).sum()), 0, "no leak"),
+        at_most("particles behind a wall", "", int(behind_walls(simulation.model, position).sum()), 0, "no leak"),
     ]
 
 

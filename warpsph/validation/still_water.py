@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from warpsph.measure.leaks import behind_walls
 from warpsph.output.records import read_record
-from warpsph.placement.place import behind_walls
 from warpsph.run import Run
 from warpsph.validation.result import Result, against, at_most
 
@@ -22,7 +22,7 @@ def measure_still_water(run: Run) -> list[Result]:
     # Where no kernel reaches a wall or the surface.
     away = (z > 2 * h) & (z < depth - 2 * h)
     for axis in (0, 1)[: scene.dimensions - 1]:
-        low, high = (end(simulation.placement.wall_position[:, axis]) for end in (np.min, np.max))
+        low, high = (end(simulation.model.wall_position.numpy()[:, axis]) for end in (np.min, np.max))
         across = snapshot.position[:, axis]
         away &= (across > low + 4 * h) & (across < high - 4 * h)
     slope, bottom = np.polyfit(z[away], snapshot.pressure[away], 1)
@@ -30,7 +30,7 @@ def measure_still_water(run: Run) -> list[Result]:
     rest = scene.materials[scene.fluids[0].material].density
     level = read_record(run.folder / "gauges" / f"{scene.gauges[0].name}.csv")["level [m]"]
     speed = np.linalg.norm(snapshot.velocity, axis=1).max()
-    behind = int(behind_walls(simulation.placement, snapshot.position).sum())
+    behind = int(behind_walls(simulation.model, snapshot.position).sum())
     return [
         against("pressure at the bottom", "Pa", bottom, rest * g * depth, 0.01, SOURCE),
         against("pressure gradient", "Pa/m", -slope, rest * g, 0.01, SOURCE),

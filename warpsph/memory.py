@@ -1,0 +1,299 @@
+"""How much memory a scene takes, told before anything is allocated, and what would fit where it does not."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from warpsph.kernels.density import BY_GRADIENT
+from warpsph.kernels.neighbours import BLOCK_EDGE
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.model import box_of_cells, list_capacity, wall_radius
+from warpsph.placement.images import find_edges
+from warpsph.placement.origin import localised
+from warpsph.placement.place import Placement
+from warpsph.rheology import viscous
+from warpsph.scene.scene import Scene
+from warpsph.shapes.outline import Array
+from warpsph.shapes.surface import BLOCK, Crate, Sheet, around, inside_box, solid, wall_surface
+from warpsph.step.bodies import MOST_MOTION
+
+# Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].
+PROGRAM = 420e6
+# More than this share of what is free is not asked for.
+MOST_SHARE = 0.97
+
+
+class NoRoomError(Exception):
+    """There is not enough memory; the text is one line that says what would fit."""
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What the size of all arrays comes from.
+
+    Attributes:
+        particles, walls: How many particles and wall points there are.
+        wet: How many of the wall points lie in or around the box of a fluid.
+        bodies: Points on bodies.
+        ghosts: Particles that are seen through an edge.
+        box: Lower and upper corner of the box around particles and walls [m].
+    """
+
+    particles: float
+    walls: float
+    wet: float
+    bodies: float
+    ghosts: float
+    box: tuple[Array, Array]
+
+    def coarser(self, times: float, dimensions: int) -> Counts:
+        """The same at a spacing so many times as wide."""
+        surface, volume = times ** (1 - dimensions), times**-dimensions
+        return replace(
+            self,
+            particles=self.particles * volume,
+            walls=self.walls * surface,
+            wet=self.wet * surface,
+            bodies=self.bodies * surface,
+            ghosts=self.ghosts * surface,
+        )
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What a run takes at its peak [bytes].
+
+    Attributes:
+        arrays: On the device.
+        placing: On the host until the arrays are there.
+        outputs: On the host while a frame is written.
+        shared: Whether device and host have one memory, as on a CPU.
+    """
+
+    arrays: float
+    placing: float
+    outputs: float
+    shared: bool
+
+    @property
+    def host(self) -> float:
+        """The peak on the host, program included [bytes]."""
+        arrays = self.arrays if self.shared else 0.0
+        return PROGRAM + max(self.placing, arrays + self.outputs)
+
+
+def counts_of(scene: Scene, placement: Placement) -> Counts:
+    """The counts of a scene that has been placed."""
+    # Wall points stand back, and the first row of particles off the wall.
+    wet, reach, end = 0, (scene.wall_model.set_back + 0.51) * scene.spacing, 0
+    boxes = []
+    for count in placement.counts:
+        mine = placement.position[end : end + count]
+        end += count
+        lower, upper = around(mine)
+        boxes.append((lower - reach, upper + reach))
+    walls = placement.wall_position
+    for begin in range(0, len(walls), BLOCK):
+        some = walls[begin : begin + BLOCK]
+        wet += np.count_nonzero(np.any([inside_box(some, *box) for box in boxes], axis=0))
+    ghosts, edges = 0, find_edges(scene)[0]
+    for begin in range(0, len(placement.position) if edges else 0, BLOCK):
+        some = placement.position[begin : begin + BLOCK]
+        ghosts += sum(np.count_nonzero(some @ edge.normal - edge.offset < _list_radius(scene)) for edge in edges)
+    bodies = sum(len(one.body.surface.points) for one in placement.solids)
+    return Counts(len(placement.position), len(walls), wet, bodies, ghosts, around(walls, placement.position))
+
+
+def rough_counts(scene: Scene) -> Counts:
+    """About the counts of a scene, from its drawing alone: bodies, ghosts and what fluids take from each other are left
+    out."""
+    walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
+    names = [wall.name for wall in scene.walls]
+    particles, corners = 0.0, []
+    for fluid in scene.fluids:
+        if fluid.fill:
+            bed = walls[names.index(fluid.fill.above)]
+            lower, upper = _box_of(scene, bed)
+            upper[2] = fluid.fill.level
+            if fluid.fill.between:
+                lower[0], upper[0] = np.clip(fluid.fill.between, lower[0], upper[0])
+            particles += _filled(scene, bed, lower, upper) / scene.spacing**scene.dimensions
+            corners += [lower, upper]
+        else:
+            body = solid(scene, fluid.shape)
+            particles += body.volume / scene.spacing**scene.dimensions
+            corner = body.first_corner()
+            corners.append(corner)
+    corners += [corner for wall in walls for corner in _box_of(scene, wall)]
+    points = sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1)
+    return Counts(particles, points, 0.5 * points, 0.0, 0.0, (np.min(corners, axis=0), np.max(corners, axis=0)))
+
+
+def _box_of(scene: Scene, wall: Sheet | Crate) -> tuple[Array, Array]:
+    if isinstance(wall, Crate):
+        return wall.low.copy(), wall.high.copy()
+    x, z = wall.outline.polygon().T
+    y = wall.width or (0.0, 0.0)
+    return np.array([x.min(), y[0], z.min()]), np.array([x.max(), y[1], z.max()])
+
+
+def _filled(scene: Scene, bed: Sheet | Crate, lower: Array, upper: Array) -> float:
+    """Volume, in 2-D area, of the part of a box that a wall carries [m3 or m2]."""
+    size = np.maximum(upper - lower, 0.0)
+    count = [64, 1 if scene.dimensions == 2 else 8, 64]
+    places = [a + s * (np.arange(n) + 0.5) / n for a, s, n in zip(lower, size, count, strict=True)]
+    points = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
+    share = float(bed.carries(points, float(upper[2])).mean())
+    return share * float(np.prod(size if scene.dimensions == 3 else size[[0, 2]]))
+
+
+def memory_of(scene: Scene, counts: Counts, shared: bool) -> Memory:
+    """What a run takes; `shared` says whether the device is the host."""
+    return Memory(_arrays(scene, counts), _placing(scene, counts), _outputs(scene, counts), shared)
+
+
+def _list_radius(scene: Scene) -> float:
+    return list_capacity(scene)[1]
+
+
+def _arrays(scene: Scene, counts: Counts) -> float:
+    """Bytes of the arrays on the device: those of State, Viscosity, Neighbours, Cells, Ghosts, Coupling and Model."""
+    law = viscous(scene, wp.get_device("cpu"))
+    averages = scene.run.integrator == "predictor_corrector"
+    a_particle = 192.0
+    a_particle += 12.0 * (scene.density_diffusion.model in BY_GRADIENT) + 24.0 * averages
+    a_particle += 8.0 * (scene.density_filter.model != "none") + 4.0 * (scene.shifting.model != "none")
+    a_particle += 4.0  # first wall point
+    if law:
+        a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
+        a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced
+        a_particle += 52.0 * (law.stages > 1) + 16.0 * (scene.dimensions**2 // 3 if law.form == "stress" else 0)
+    if scene.neighbours == "lists":
+        a_particle += 4.0 + 4.0 * list_capacity(scene)[0]
+    if scene.images:
+        a_particle += 8.0
+    if scene.bodies:
+        a_particle += 8.0
+    grid = box_of_cells(scene, *counts.box, counts.walls > 0, int(counts.particles))
+    a_cell = 9.0 + 28.0 / 27.0 + 4.0 / 27.0
+    # Entries of the list of walls: a wall point is on those of the particles in a cap of the ball around it.
+    near = _in_cap(scene, wall_radius(scene))
+    support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+    beyond = int(BLOCK_EDGE) / grid.inverse_edge + (MOST_MOTION - 0.5) * support
+    a_body = 120.0 + 4.0 * 1.25 * _in_cap(scene, max(support + scene.wall_spacing, _list_radius(scene)) + beyond)
+    return (
+        a_particle * counts.particles
+        + a_cell * math.prod(grid.count)
+        + (4.0 * math.prod(grid.count) if scene.images else 0.0)
+        + 60.0 * counts.walls
+        + 4.0 * 1.25 * near * counts.wet
+        + a_body * counts.bodies
+        + 76.0 * 1.25 * counts.ghosts
+    )
+
+
+def _in_cap(scene: Scene, radius: float) -> float:
+    """Particles within `radius` [m] of a point that stands back behind a plane wall."""
+    reach, back = radius / scene.spacing, scene.wall_model.set_back
+    high = max(reach - back, 0.0)
+    if scene.dimensions == 3:
+        return math.pi * high**2 * (3.0 * reach - high) / 3.0
+    return reach**2 * math.acos(min(back / reach, 1.0)) - back * math.sqrt(max(reach**2 - back**2, 0.0))
+
+
+def _placing(scene: Scene, counts: Counts) -> float:
+    """Bytes of a placement, and of the first arrays that are made of it."""
+    a_particle = 36.0 + 8.0 + 48.0 + 4.0
+    a_wall = 56.0 + 48.0 + 60.0 + 28.0
+    return a_particle * counts.particles + a_wall * counts.walls
+
+
+def _outputs(scene: Scene, counts: Counts) -> float:
+    """Bytes of a snapshot, and of what it takes besides to take it or to make a frame of it: about as much."""
+    if not (scene.output.pictures or scene.output.usd):
+        return 0.0
+    return 124.0 * counts.particles
+
+
+# ----------------------------------------------------------------------------------------------------- what there is
+
+
+def free_memory(device: wp.Device) -> float:
+    """What is free on a device, or on the host for a CPU [bytes]; without end where nobody tells."""
+    if device.is_cuda:
+        return float(device.free_memory)
+    free = math.inf
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        free = next(1024.0 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration, ValueError, IndexError):
+        if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+            free = float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
+    try:
+        limit, used = (int(Path(f"/sys/fs/cgroup/memory.{name}").read_text("ascii")) for name in ("max", "current"))
+        inactive = Path("/sys/fs/cgroup/memory.stat").read_text("ascii").split()
+        cached = int(inactive[inactive.index("inactive_file") + 1])  # files that can be let go
+        free = min(free, float(limit - used + cached))
+    except (OSError, ValueError, IndexError):  # there is no such file, or it says "max"
+        pass
+    return free
+
+
+def refuse_too_big(scene: Scene, counts: Counts, device: wp.Device, slack: float = 1.0) -> None:
+    """Raises NoRoomError for a run that takes more than `slack` times what is free on the device or the host."""
+    if words := _no_room(scene, counts, device, slack):
+        raise NoRoomError(words)
+
+
+def out_of_memory(scene: Scene, device: wp.Device) -> str:
+    """One line for a run that found no more memory."""
+    scene = localised(scene)
+    counts = rough_counts(scene)
+    words = _no_room(scene, counts, device, 0.0)
+    return f"out of memory: {words}"
+
+
+def _no_room(scene: Scene, counts: Counts, device: wp.Device, slack: float) -> str:
+    """Why a run does not fit, and which spacing would; nothing where it fits."""
+    shared = not device.is_cuda
+    limits = {"this machine": free_memory(wp.get_device("cpu"))}
+    if not shared:
+        limits = {"this device": free_memory(device), **limits}
+
+    def wanted(some: Counts) -> list[float]:
+        memory = memory_of(scene, some, shared)
+        return [memory.host] if shared else [memory.arrays, memory.host]
+
+    for k, (name, free) in enumerate(limits.items()):
+        need = wanted(counts)[k]
+        if need <= slack * free:
+            continue
+        words = f"needs about {_size(need)}, {name} has {_size(free)} free"
+        times = 1.0
+        while times < 1e3 and any(
+            need > MOST_SHARE * free
+            for need, free in zip(wanted(counts.coarser(times, scene.dimensions)), limits.values(), strict=True)
+        ):
+            times *= 1.02
+        if times >= 1e3:
+            return f"{words}, which is not enough for any scene"
+        if times == 1.0:
+            return words
+        return f"{words}; spacing={_round_up(times * scene.spacing):g} would fit"
+    return ""
+
+
+def _size(value: float) -> str:
+    return f"{value / 1e9:.3g} GB" if value >= 1e9 else f"{value / 1e6:.3g} MB"
+
+
+def _round_up(value: float) -> float:
+    """The next number of three digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return round(math.ceil(value / unit - 1e-9) * unit, 12)
