@@ -4,13 +4,19 @@ import math
 
 import numpy as np
 
-from warpsph.shapes.points import spatial, turned, unit
+from warpsph.shapes.points import in_plane, in_space, spatial, turned, unit
 
 
 def test_plane_vectors_come_into_space():
     np.testing.assert_array_equal(spatial([1.0, 2.0]), [1.0, 0.0, 2.0])
     np.testing.assert_array_equal(spatial(np.array([1.0, 2.0])), [1.0, 0.0, 2.0])
     np.testing.assert_array_equal(spatial((1.0, 5.0, 2.0)), [1.0, 5.0, 2.0])
+
+
+def test_sets_of_points_come_into_space_and_back():
+    plane = np.array([[1.0, 2.0], [3.0, 4.0]])
+    np.testing.assert_array_equal(in_space(plane, y=5.0), [[1.0, 5.0, 2.0], [3.0, 5.0, 4.0]])
+    np.testing.assert_array_equal(in_plane(in_space(plane)), plane)
 
 
 def test_turns_are_counter_clockwise():

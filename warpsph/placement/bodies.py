@@ -45,10 +45,10 @@ from warpsph.shapes.mesh import (
     winding_number,
 )
 from warpsph.shapes.outline import Line, Outline, closed_outline, counter_clockwise, path_legs
-from warpsph.shapes.points import Array, spatial, turned
+from warpsph.shapes.points import Array, in_space, spatial, turned
 from warpsph.shapes.sampling import Surface, pieces, surface_of_mesh, surface_of_outline
 from warpsph.shapes.section import plane_mass
-from warpsph.shapes.surface import Crate, Sheet, in_space
+from warpsph.shapes.surface import Crate, Sheet
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2

@@ -16,6 +16,16 @@ def spatial(vector: Sequence[float] | Array) -> Array:
     return np.array(vector if len(vector) == 3 else (vector[0], 0.0, vector[1]), dtype=float)
 
 
+def in_plane(points: Array) -> Array:
+    """x and z of points [n, 3], shape [n, 2]."""
+    return np.ascontiguousarray(points[:, [0, 2]])
+
+
+def in_space(plane: Array, y: float = 0.0) -> Array:
+    """Points or vectors [n, 2] of the x-z plane as [n, 3]."""
+    return np.insert(plane, 1, y, axis=1)
+
+
 def turned(points: ArrayLike, angle: float, pivot: ArrayLike | None = None) -> Array:
     """Plane points [n, 2] turned counter-clockwise by `angle` [rad] about `pivot`, the origin when absent."""
     c, s = math.cos(angle), math.sin(angle)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpsph.shapes.mesh import Mesh, edges_of
 from warpsph.shapes.outline import Outline, counter_clockwise
-from warpsph.shapes.points import Array, unit
+from warpsph.shapes.points import Array, in_space, unit
 
 # An edge where the surface turns by more than this is an edge of the shape; points are set along it.
 SHARP = math.radians(25.0)
@@ -50,10 +50,10 @@ class Surface:
 def surface_of_outline(outline: Outline, spacing: float) -> Surface:
     """Points at most `spacing` [m] apart on a closed outline, evenly along each leg, corners included."""
     points, inward, shares = counter_clockwise(outline).sample(spacing)
-    points = np.insert(points, 1, 0.0, axis=1)
+    points = in_space(points)
     return Surface(
         points=points,
-        normals=np.insert(-inward, 1, 0.0, axis=1),
+        normals=in_space(-inward),
         shares=shares,
         before=np.roll(points, 1, axis=0) - points,
         after=np.roll(points, -1, axis=0) - points,

@@ -17,7 +17,7 @@ from warpsph.scene.boundaries import Face
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Shape
 from warpsph.shapes.outline import Array, Line, Outline, closed_outline, wall_outline
-from warpsph.shapes.points import turned
+from warpsph.shapes.points import in_plane, in_space, turned
 
 # So many points are worked on at a time: more would only take memory.
 BLOCK = 1 << 18
@@ -48,16 +48,6 @@ def inside_box(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     for x, a, b in zip(points.T, low, high, strict=True):
         inside &= (x > a) & (x < b)
     return inside
-
-
-def in_plane(points: Array) -> Array:
-    """x and z of points [n, 3], shape [n, 2]."""
-    return np.ascontiguousarray(points[:, [0, 2]])
-
-
-def in_space(plane: Array, y: float = 0.0) -> Array:
-    """Points or vectors [n, 2] of the x-z plane as [n, 3]."""
-    return np.insert(plane, 1, y, axis=1)
 
 
 def divide(low: float, high: float, spacing: float) -> tuple[Array, Array]:
