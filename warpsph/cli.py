@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
     parser.add_argument("--version", action="version", version=f"warpsph {warpsph.__version__}")
-    parser.set_defaults(command=lambda _: parser.print_help() or OK)
+    parser.set_defaults(command=lambda _: _help(parser))
     commands = parser.add_subparsers(metavar="COMMAND")
 
     def command(name: str, function: Any, help: str) -> argparse.ArgumentParser:
@@ -100,6 +100,11 @@ def _parser() -> argparse.ArgumentParser:
     command("list", _list, "name the scenes that ship with warpsph")
     command("schema", _schema, "print the JSON Schema of a scene file, for editors")
     return parser
+
+
+def _help(parser: argparse.ArgumentParser) -> int:
+    parser.print_help()
+    return OK
 
 
 def _positive(text: str) -> int:

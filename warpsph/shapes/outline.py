@@ -115,6 +115,7 @@ class Outline:
 
     def moved(self, by: ArrayLike, angle: float = 0.0) -> Outline:
         """The same outline turned counter-clockwise about the origin by `angle` [rad], then moved `by` [x, z] [m]."""
+        by = np.asarray(by, float)
         legs: list[Leg] = []
         for leg in self.legs:
             if isinstance(leg, Line):
@@ -125,7 +126,7 @@ class Outline:
 
     def offset(self, distance: float) -> Outline:
         """The parallel outline `distance` [m] to the left; straight legs meet anew at their corners."""
-        legs = []
+        legs: list[Leg] = []
         for leg in self.legs:
             if isinstance(leg, Line):
                 way = distance * leg.normals(np.zeros(1))[0]
