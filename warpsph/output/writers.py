@@ -1,24 +1,27 @@
 """What is drawn and cached of a run: PNG frames, an animation, the gauge picture, the USD cache, the report."""
 
+from __future__ import annotations
+
 import logging
 import math
 from concurrent.futures import ThreadPoolExecutor
 from itertools import cycle
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pxr import Gf
 
 import warpsph
-from warpsph.output.frames import BODY_PALETTE, FrameWriter, animate, fluid_colors, gauge_picture, window_around
-from warpsph.output.report import write_report
-from warpsph.output.usd import DrawnBody, Place, UsdCache
 from warpsph.placement.images import mirror_lines, periods
 from warpsph.placement.place import typical_speed
 from warpsph.scene.scene import Scene
 from warpsph.shapes.surface import wall_surface
 from warpsph.simulation import Simulation
 from warpsph.state import Snapshot
+
+if TYPE_CHECKING:
+    from warpsph.output.frames import FrameWriter
+    from warpsph.output.usd import Place, UsdCache
 
 log = logging.getLogger("warpsph")
 
@@ -28,7 +31,22 @@ class Outputs:
 
     def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
         """`resume_at` is the first frame that is yet to come when a run goes on; None for a new run."""
-        self._scene, self._simulation, self._folder = scene, simulation, folder
+        self._scene, self._simulation, self._folder, self._resume_at = scene, simulation, folder, resume_at
+        self._frame = resume_at or 0
+        self._writer, self._writing = ThreadPoolExecutor(1), None
+        self._is_open = False
+        self._pictures: FrameWriter | None = None
+        self._cache: UsdCache | None = None
+
+    def _open(self) -> None:
+        """Make what draws and caches, with the first frame: Matplotlib and USD are loaded while the steps go on."""
+        from pxr import Gf
+
+        from warpsph.output.frames import BODY_PALETTE, FrameWriter, fluid_colors, window_around
+        from warpsph.output.usd import DrawnBody, UsdCache
+
+        self._is_open = True
+        scene, simulation, folder = self._scene, self._simulation, self._folder
         start = simulation.start
         colors = {name: material.color for name, material in scene.materials.items()}
         fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
@@ -40,10 +58,6 @@ class Outputs:
         drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
         mirrors = mirror_lines(scene, *start.box)
         crossings = periods(scene)
-        self._frame = resume_at or 0
-        self._writer, self._writing = ThreadPoolExecutor(1), None
-        self._pictures: FrameWriter | None = None
-        self._cache: UsdCache | None = None
         if scene.output.pictures:
             view = scene.output.view
             lines = [*(line for wall in walls.values() for line in wall.lines()), *mirrors.values()]
@@ -73,7 +87,7 @@ class Outputs:
                     # Across these a particle may turn up on the other side from one frame to the next.
                     **({"periods": {name: Gf.Vec3d(*by) for name, by in crossings.items()}} if crossings else {}),
                 },
-                resume_at=resume_at,
+                resume_at=self._resume_at,
                 rheology=bool(simulation.model.viscous and simulation.model.viscous.law),
             )
 
@@ -82,7 +96,7 @@ class Outputs:
 
         What went wrong with the frame before, a full disk for one, is raised here.
         """
-        if self._pictures is None and self._cache is None:
+        if not (self._scene.output.pictures or self._scene.output.usd):
             return
         snapshot = self._simulation.state.snapshot()
         places = self._simulation.bodies.places() if self._simulation.bodies else []
@@ -96,6 +110,8 @@ class Outputs:
             self._writing.result()
 
     def _write(self, frame: int, snapshot: Snapshot, places: list[Place]) -> None:
+        if not self._is_open:
+            self._open()
         if self._pictures is not None:
             self._pictures.write(frame, snapshot, places)
         if self._cache is not None:
@@ -103,7 +119,11 @@ class Outputs:
 
     def finish(self) -> None:
         """Draw the gauge record, and begin the animation: it is made beside the report, `report` waits for it."""
+        from warpsph.output.frames import animate, gauge_picture
+
         self.wait()
+        if not self._is_open:
+            self._open()
         preview, scene = self._folder / "preview", self._scene
         if self._pictures is not None and self._frame:
             fps = scene.output.frames_per_second
@@ -115,6 +135,8 @@ class Outputs:
 
     def report(self) -> None:
         """Write the HTML page; needs run.json. Returns when all is on the disk."""
+        from warpsph.output.report import write_report
+
         write_report(self._folder)
         self.wait()
         self._writer.shutdown()
