@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from warpsph.shapes.points import in_plane, in_space, spatial, turned, unit
+from warpsph.shapes.points import around, in_plane, in_space, inside_box, spatial, turned, unit
 
 
 def test_plane_vectors_come_into_space():
@@ -28,3 +28,10 @@ def test_turns_are_counter_clockwise():
 def test_unit_vectors():
     np.testing.assert_allclose(unit(np.array([3.0, 0.0, 4.0]), otherwise=(0.0, 0.0, 1.0)), [0.6, 0.0, 0.8])
     np.testing.assert_array_equal(unit(np.zeros(2), otherwise=(0.0, 1.0)), [0.0, 1.0])
+
+
+def test_boxes_around_points():
+    low, high = around(np.array([[1.0, 5.0, 2.0], [3.0, 4.0, 0.0]]), np.empty((0, 3)), np.array([[2.0, 6.0, 1.0]]))
+    np.testing.assert_array_equal([low, high], [[1.0, 4.0, 0.0], [3.0, 6.0, 2.0]])
+    places = np.array([[2.0, 5.0, 1.0], [1.0, 5.0, 1.0], [2.0, 7.0, 1.0]])  # within, on a face, and beyond
+    np.testing.assert_array_equal(inside_box(places, low, high), [True, False, False])

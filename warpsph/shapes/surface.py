@@ -17,10 +17,9 @@ from warpsph.scene.boundaries import Face
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Shape
 from warpsph.shapes.outline import Array, Line, Outline, closed_outline, wall_outline
-from warpsph.shapes.points import in_plane, in_space, turned
+from warpsph.shapes.points import BLOCK, in_plane, in_space, inside_box, turned
+from warpsph.shapes.points import around as around  # for model and place, until they ask points for it
 
-# So many points are worked on at a time: more would only take memory.
-BLOCK = 1 << 18
 FACES = get_args(Face)  # two for each axis, the low one first
 
 
@@ -31,22 +30,6 @@ def contains(polygon: Array, points: Array) -> NDArray[np.bool_]:
     for (ax, az), (bx, bz) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if az != bz:
             inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
-    return inside
-
-
-def around(*sets: Array) -> tuple[Array, Array]:
-    """Lower and upper corner of the box around points [m], each of shape [3]; some of the sets may be empty."""
-    some = [points.T for points in sets if len(points)]
-    # Column by column: over rows of three numpy takes ten times as long.
-    lower = np.array([min(float(points[axis].min()) for points in some) for axis in range(3)])
-    return lower, np.array([max(float(points[axis].max()) for points in some) for axis in range(3)])
-
-
-def inside_box(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Whether each of `points` [n, 3] lies inside a box and not on its faces, shape [n]."""
-    inside = np.ones(len(points), dtype=bool)
-    for x, a, b in zip(points.T, low, high, strict=True):
-        inside &= (x > a) & (x < b)
     return inside
 
 
