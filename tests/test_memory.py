@@ -8,7 +8,7 @@ import warp as wp
 
 import warpsph.memory
 from warpsph.cli import MACHINE, SCENES, main
-from warpsph.memory import NoRoomError, counts_of, memory_of, refuse_too_big, rough_counts
+from warpsph.memory import NoRoomError, counts_of, memory_of, refuse_too_big, rough_counts, with_neighbours
 from warpsph.placement.place import place
 from warpsph.scene.scene import load_scene
 from warpsph.simulation import Simulation
@@ -49,6 +49,30 @@ def test_counts_from_the_drawing_alone(name):
     rough, counts = rough_counts(scene), counts_of(scene, place(scene))
     assert rough.particles == pytest.approx(counts.particles, rel=0.1)  # bodies are left out
     assert rough.walls == pytest.approx(counts.walls, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "free", "expected"),
+    [
+        ("column_3d", 1e12, "lists"),
+        ("column_3d", 0.0, "lists"),
+        ("column_3d", None, "cells"),
+        ("couette", 0.0, "lists"),
+    ],
+)
+def test_neighbours_are_chosen_by_memory(name, free, expected, monkeypatch):
+    """Lists where they fit, and where nothing fits or cells will not do; cells where only these fit."""
+    scene = load_scene(SCENES / f"{name}.yaml")
+    if free is None:
+        hosts = [
+            memory_of(scene.model_copy(update={"neighbours": way}), rough_counts(scene), shared=True).host
+            for way in ("cells", "lists")
+        ]
+        free = sum(hosts) / 2
+    monkeypatch.setattr(warpsph.memory, "free_memory", lambda device: free)
+    assert with_neighbours(scene, wp.get_device("cpu")).neighbours == expected
+    asked = scene.model_copy(update={"neighbours": "cells"})
+    assert with_neighbours(asked, wp.get_device("cpu")) is asked
 
 
 @pytest.mark.parametrize("command", ["check", "scene"])

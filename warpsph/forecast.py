@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpsph.device.launch import Launcher
-from warpsph.memory import Memory, counts_of, memory_of
+from warpsph.memory import Memory, counts_of, memory_of, with_neighbours
 from warpsph.model import first_dt
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
@@ -51,7 +51,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     taken from a coarse rehearsal: both go by speeds over that of sound and by motion over the spacing, so that they
     change little with the spacing.
     """
-    scene = localised(scene)
+    scene = with_neighbours(localised(scene), launcher.device)
     placement = place_within(scene, launcher.device)
     start, law = Start.of(placement), viscous(scene, launcher.device)
     memory = memory_of(scene, counts_of(scene, placement), shared=launcher.device.is_cpu)

@@ -18,7 +18,7 @@ from warpsph.placement.images import find_edges
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
-from warpsph.scene.scene import Scene
+from warpsph.scene.scene import Scene, wants_lists
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
 from warpsph.shapes.surface import Crate, Sheet, solid, wall_surface
@@ -175,7 +175,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
         a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced
         a_particle += 52.0 * (law.stages > 1) + 16.0 * (scene.dimensions**2 // 3 if law.form == "stress" else 0)
-    if scene.neighbours == "lists":
+    if scene.neighbours != "cells":
         a_particle += 4.0 + 4.0 * list_capacity(scene)[0]
     if scene.images:
         a_particle += 8.0
@@ -250,6 +250,21 @@ def refuse_too_big(scene: Scene, counts: Counts, device: wp.Device, slack: float
     """Raises NoRoomError for a run that takes more than `slack` times what is free on the device or the host."""
     if words := _no_room(scene, counts, device, slack):
         raise NoRoomError(words)
+
+
+def with_neighbours(scene: Scene, device: wp.Device) -> Scene:
+    """The scene with `neighbours: auto` made lists, or cells where only these fit.
+
+    Lists are nowhere slower, as measured: whole steps with cells take 1.4 times (plane) and 2.5 times (space) as long
+    on CPU cores, 1.0 and 1.9 times on an H100.
+    """
+    if scene.neighbours != "auto":
+        return scene
+    lists, cells = (scene.model_copy(update={"neighbours": name}) for name in ("lists", "cells"))
+    if wants_lists(scene):
+        return lists
+    counts = rough_counts(scene)
+    return cells if _no_room(lists, counts, device, 1.0) and not _no_room(cells, counts, device, 1.0) else lists
 
 
 def out_of_memory(scene: Scene, device: wp.Device) -> str:

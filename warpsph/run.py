@@ -90,7 +90,9 @@ class Run:
         for name in ("gauges", "fluids", "checkpoints", *(["bodies"] if scene.bodies else [])):
             (folder / name).mkdir(parents=True, exist_ok=True)
         (folder / "STOP").unlink(missing_ok=True)
-        (folder / "scene.yaml").write_text(scene.resolved_yaml(), encoding="utf-8")
+        # A run that goes on must not choose anew: other neighbours, other bits.
+        resolved = scene.model_copy(update={"neighbours": self.simulation.scene.neighbours})
+        (folder / "scene.yaml").write_text(resolved.resolved_yaml(), encoding="utf-8")
         self._log_file = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
         self._log_file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
         log.addHandler(self._log_file)

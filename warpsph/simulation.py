@@ -6,7 +6,7 @@ from warpsph.device.launch import Launcher
 from warpsph.kernels import integrators
 from warpsph.measure.energy import Energy
 from warpsph.measure.gauges import Gauges
-from warpsph.memory import counts_of, refuse_too_big, rough_counts
+from warpsph.memory import counts_of, refuse_too_big, rough_counts, with_neighbours
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model, refuse_endless
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement, Start, place
@@ -64,8 +64,8 @@ class Simulation:
             DeviceError: there is no such device.
             NoRoomError: there is not enough memory.
         """
-        self.scene = scene = localised(scene)
         self.launcher = Launcher(device, threads)
+        self.scene = scene = with_neighbours(localised(scene), self.launcher.device)
         placement = placement or place_within(scene, self.launcher.device)
         self.start = Start.of(placement)
         self.model = Model(scene, placement, self.launcher)

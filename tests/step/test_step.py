@@ -7,9 +7,11 @@ import pytest
 import warp as wp
 
 import warpsph.model
+from warpsph.cli import SCENES
 from warpsph.device import blocks
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.place import place
+from warpsph.scene.scene import load_scene
 from warpsph.simulation import Simulation
 
 # Relative, for sums over steps and particles in single precision. What must agree bit for bit has no tolerance.
@@ -294,6 +296,46 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
     assert done == []
     wp.zeros(1, device=device).numpy()
     assert done == ["__init__", "numpy"], "the test does not notice"
+
+
+# Scenes with more and more in them; the most kernels of a step and of a rebuild. Sorts and scans are Warp's own.
+COUNTED = {
+    "still_water": ([], 12, 6),
+    "column_3d": (["spacing=0.05"], 11, 6),
+    "couette": ([], 33, 14),
+    "sinking_disc": ([], 29, 8),
+}
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_how_much_a_step_and_a_rebuild_ask(device, monkeypatch, name):
+    """Launches are counted. A step reads nothing; a rebuild asks once what lists came to, and once for each of ghosts
+    and bodies; it allocates nothing but what Warp's scans and sorts take."""
+    overrides, most_in_a_step, most_in_a_rebuild = COUNTED[name]
+    launched: list[str] = []
+    whole = wp.Launch.launch
+    monkeypatch.setattr(
+        wp.Launch, "launch", lambda self, *args: (launched.append(self.kernel.key), whole(self, *args))[1]
+    )
+    simulation = Simulation(load_scene(SCENES / f"{name}.yaml", overrides), device, 1)
+    step = simulation.step
+    simulation.advance(simulation.time + 0.002)
+    step.aim_at(simulation.time + 0.1)
+    read: list[int] = []
+    numpy = wp.array.numpy
+    monkeypatch.setattr(wp.array, "numpy", lambda array: (read.append(array.size), numpy(array))[1])
+    launched.clear()
+    step()
+    assert read == []
+    more = len(simulation.state.stages) + len(simulation.state.strain_stages) - 1  # on a GPU
+    assert len(launched) <= most_in_a_step + more, launched
+    launched.clear()
+    assert not step.neighbours.rebuild(), "arrays have grown"
+    if simulation.bodies:
+        assert not simulation.bodies.rebuild()
+    assert len(read) == 1 + bool(step.neighbours.ghosts) + bool(simulation.bodies)
+    assert max(read) <= 2, "an array went to the host for a number"
+    assert len(launched) <= most_in_a_rebuild, launched
 
 
 @every_scheme

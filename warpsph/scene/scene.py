@@ -149,8 +149,10 @@ class Scene(Part):
         "pushed apart.",
     )
     xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
-    neighbours: Literal["lists", "cells"] = Field(
-        "lists", description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory)."
+    neighbours: Literal["auto", "lists", "cells"] = Field(
+        "auto",
+        description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory); auto: "
+        "lists, but cells where only these fit into the memory that is free.",
     )
     walls: tuple[Wall, ...] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
@@ -233,22 +235,25 @@ def place(coordinate: float, origin: float) -> str:
     return f"{coordinate + origin:.4f}".rstrip("0").rstrip(".")
 
 
-def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
-    """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
-    if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
-        law = scene.wall_model.force
-        yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
-    if scene.neighbours == "cells" and scene.density_diffusion.model == "antuono":
-        yield "neighbours", "antuono's diffusion of density needs lists"
+def wants_lists(scene: Scene) -> list[str]:
+    """What of a scene cannot do with the cells around: pair loops beside those of pressure and density."""
     needs = {
+        "antuono's diffusion of density": scene.density_diffusion.model == "antuono",
         "images": scene.images,
         "the materials' own viscosity": any(material.laminar for material in scene.materials.values()),
         "shifting": scene.shifting.model != "none",
         "a density_filter": scene.density_filter.model != "none",
     }
-    for name, is_there in needs.items():
-        if scene.neighbours == "cells" and is_there:
-            yield "neighbours", f"lists are needed for {name}"
+    return [name for name, is_there in needs.items() if is_there]
+
+
+def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
+    """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
+    if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
+        law = scene.wall_model.force
+        yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
+    if scene.neighbours == "cells":
+        yield from (("neighbours", f"lists are needed for {name}") for name in wants_lists(scene))
     flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
     if scene.shifting.velocity == "local" and not any(material.laminar for material in flowing):
         yield "shifting.velocity", "local needs a fluid with a viscosity of its own"
