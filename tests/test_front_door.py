@@ -1,5 +1,6 @@
 """The front door for a notebook: what `import warpsph` offers, a run folder read back, the page that tells of it."""
 
+import logging
 import shutil
 import subprocess
 import sys
@@ -25,12 +26,14 @@ def told(tmp_path_factory):
     shutil.copy(SCENES / "landslide.yaml", folder / "scenes")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        logging.getLogger("warpsph").setLevel(logging.NOTSET)  # as a notebook has it
         exec(compile(lines, "warpsph/README.md", "exec"), names)
     return folder, names
 
 
 def test_the_lines_of_the_page_run(told):
-    _, names = told
+    folder, names = told
+    assert "done" in (folder / "runs" / "notebook" / "log.txt").read_text(encoding="utf-8")
     assert names["run"].facts["outcome"] == "done"
     assert names["simulation"].time == pytest.approx(0.02)
 

@@ -96,6 +96,7 @@ class Run:
         self._log_file = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
         self._log_file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
         log.addHandler(self._log_file)
+        log.setLevel(logging.INFO)  # in a notebook too, where nobody has set it
 
         now = self.simulation.time
         self._samples = Ticks(scene.output.samples_per_second, now, is_done=resume)
