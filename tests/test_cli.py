@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from warpsph.cli import BLOWN_UP, INPUT, OK, SCENES, main
+import warpsph
+from warpsph.cli import BLOWN_UP, INPUT, INVALID, OK, SCENES, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
 from warpsph.scene.scene import load_scene
@@ -126,6 +128,35 @@ def test_scenes_and_cases_are_listed(capsys):
     assert listed.count("landslide_0200") == 2 and "still_water" in listed
 
 
+def test_a_scene_that_ships_goes_by_its_name(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run("check", "still_water", "--set", "spacing=0.05") == OK
+    assert "water" in capsys.readouterr().out
+    assert run("scene", "landslide", *COARSE, "--until", "0.01", "--set", "output.pictures=false") == OK
+    assert (tmp_path / "runs" / "landslide" / "run.json").exists()
+
+
+def test_check_of_a_run_looks_at_its_cache(finished, tmp_path, capsys):
+    assert run("check", finished) == OK
+    assert "sound, 4 frames" in capsys.readouterr().out
+    broken = tmp_path / "broken"
+    shutil.copytree(finished, broken)
+    (broken / "usd" / "frames" / "fluid.00002.usdc").unlink()
+    assert run("check", broken) == INVALID
+    assert "fluid.00002.usdc: missing" in capsys.readouterr().out
+    shutil.rmtree(broken / "usd")
+    assert run("check", broken) == INPUT
+    assert "this run has no USD cache" in capsys.readouterr().err
+
+
+def test_version_and_help(capsys):
+    with pytest.raises(SystemExit) as left:
+        run("--version")
+    assert left.value.code == 0 and capsys.readouterr().out == f"warpsph {warpsph.__version__}\n"
+    assert run() == OK
+    assert "run a scene" in capsys.readouterr().out
+
+
 def test_schema_is_printed(capsys):
     assert run("schema") == OK
     assert json.loads(capsys.readouterr().out)["properties"]["spacing"]["description"]
@@ -135,6 +166,8 @@ def test_schema_is_printed(capsys):
     ("arguments", "words"),
     [
         (["scene", "nowhere.yaml"], "nowhere.yaml: no such file"),
+        (["scene", "landslde"], "landslde: no such file, and no scene of that name ships; did you mean 'landslide'?"),
+        (["check", "nowhere"], "no scene of that name ships; `list` names those that ship"),
         (["scene", LANDSLIDE, "--set", "spacing=-1"], "--set spacing=-1: spacing: must be more than 0, not -1"),
         (["scene", LANDSLIDE, "--set", "fluids[1].fill.level=-5"], "nowhere below the level"),
         (["scene", LANDSLIDE, "--set", "materials.water.sound_speed=3"], "m/s is needed"),

@@ -272,14 +272,17 @@ class DeviceFunction:
 
     @property
     def name(self) -> str:
+        """As it is called."""
         return self.node.name
 
     @property
     def is_kernel(self) -> bool:
+        """Whether it can be launched."""
         return dotted(self.decorator) == "wp.kernel"
 
     @property
     def parameters(self) -> list[ast.arg]:
+        """All of them, in order."""
         arguments = self.node.args
         return [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
 

@@ -13,9 +13,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import warpsph
 from warpsph.device.launch import DeviceError
 from warpsph.output.checkpoint import CheckpointError
 from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
+from warpsph.scene.source import nearest
 
 OK, INVALID, INPUT, BLOWN_UP, MACHINE = 0, 1, 2, 3, 4
 
@@ -55,7 +57,9 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    parser.add_argument("--version", action="version", version=f"warpsph {warpsph.__version__}")
+    parser.set_defaults(command=lambda _: _help(parser))
+    commands = parser.add_subparsers(metavar="COMMAND")
 
     def command(name: str, function: Any, help: str) -> argparse.ArgumentParser:
         one = commands.add_parser(name, help=help, description=help)
@@ -66,10 +70,12 @@ def _parser() -> argparse.ArgumentParser:
     check = command(
         "check",
         _check,
-        "print counts, memory, time step and time of a scene; a few steps are timed, nothing is written",
+        "print counts, memory, time step and time of a scene; a few steps are timed, nothing is written; "
+        "or look for whatever is wrong with the USD cache of a run folder",
     )
+    scene.add_argument("file", type=Path, metavar="SCENE", help="scene file (YAML), or a name that `list` prints")
+    check.add_argument("file", type=Path, metavar="SCENE", help="the same, or a run folder")
     for one in (scene, check):
-        one.add_argument("file", type=Path, help="scene file (YAML)")
         one.add_argument(
             "--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene"
         )
@@ -96,6 +102,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _help(parser: argparse.ArgumentParser) -> int:
+    parser.print_help()
+    return OK
+
+
 def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
@@ -120,7 +131,19 @@ def _log_to_terminal() -> None:
     log.addHandler(handler)
 
 
+def _scene_file(given: Path) -> Path:
+    """The scene file that the user means: a path, or the name of a scene that ships, as `list` prints it."""
+    shipped = {path.stem: path for path in SCENES.glob("*.yaml")}
+    if given.is_file() or given.suffix or len(given.parts) != 1:
+        return given
+    if given.name not in shipped:
+        known = nearest(given.name, shipped) or "; `list` names those that ship"
+        raise _InputError(f"{given}: no such file, and no scene of that name ships{known}")
+    return shipped[given.name]
+
+
 def _load(options: argparse.Namespace) -> Scene:
+    options.file = _scene_file(options.file)
     overrides = [*options.set]
     if options.until is not None:
         overrides.append(f"run.end_time={options.until}")
@@ -217,6 +240,9 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
 
 
 def _check(options: argparse.Namespace) -> int:
+    if (options.file / "scene.yaml").exists():
+        return _check_cache(options)
+
     from warpsph.device.launch import Launcher
     from warpsph.forecast import forecast
 
@@ -246,6 +272,22 @@ def _check(options: argparse.Namespace) -> int:
     for warning in facts.warnings:
         print(f"  warning: {warning}")
     return OK
+
+
+def _check_cache(options: argparse.Namespace) -> int:
+    from warpsph.output.usd_check import check_cache
+
+    folder = options.file / "usd"
+    if options.set or options.until is not None:
+        raise _InputError("--set and --until go with a scene, not with a run folder")
+    if not (folder / "scene.usda").exists():
+        raise _InputError(f"{options.file}: this run has no USD cache")
+    problems = check_cache(folder)
+    for problem in problems:
+        print(problem)
+    if not problems:
+        print(f"{folder}: sound, {len(list((folder / 'frames').glob('*.usdc')))} frames")
+    return INVALID if problems else OK
 
 
 def _duration(seconds: float) -> str:

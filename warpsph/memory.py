@@ -20,7 +20,8 @@ from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
 from warpsph.scene.scene import Scene, wants_lists
 from warpsph.shapes.outline import Array
-from warpsph.shapes.surface import BLOCK, Crate, Sheet, around, inside_box, solid, wall_surface
+from warpsph.shapes.points import BLOCK, around, inside_box
+from warpsph.shapes.surface import Crate, Sheet, solid, wall_surface
 from warpsph.step.bodies import MOST_MOTION
 
 # Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].

@@ -59,7 +59,7 @@ class Run:
     def __init__(
         self,
         scene: Scene,
-        folder: Path,
+        folder: Path | str,
         *,
         device: str = "cpu",
         threads: int | None = None,
@@ -76,6 +76,7 @@ class Run:
             DeviceError: there is no such device.
         """
         self._began = time.perf_counter() if began is None else began
+        folder = Path(folder)
         self.scene, self.folder = scene, folder
         if not resume:
             refuse_used_folder(folder, overwrite)
@@ -95,6 +96,7 @@ class Run:
         self._log_file = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
         self._log_file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
         log.addHandler(self._log_file)
+        log.setLevel(logging.INFO)  # in a notebook too, where nobody has set it
 
         now = self.simulation.time
         self._samples = Ticks(scene.output.samples_per_second, now, is_done=resume)

@@ -6,19 +6,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.bodies.body import (
-    PLANE_SHIFT,
-    PLANE_TURN,
-    Body,
-    MassProperties,
-    box_outline,
-    plane_mass,
-    surface_of_outline,
-)
+from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
 from warpsph.bodies.body_set import BodySet, rotation
 from warpsph.bodies.motion import Motion, Table
 from warpsph.device.launch import Launcher
-from warpsph.shapes.mesh import box_mesh, solid_mass, surface_of_mesh
+from warpsph.shapes.mesh import box_mesh, solid_mass
+from warpsph.shapes.outline import box_outline
+from warpsph.shapes.sampling import surface_of_mesh, surface_of_outline
+from warpsph.shapes.section import MassProperties, plane_mass
 
 # Double precision over 1e4 steps: relative drift of what the integrator keeps exactly.
 TOLERANCE = 1e-10

@@ -6,18 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from warpsph.bodies.body import (
-    PLANE_SHIFT,
-    PLANE_TURN,
-    Body,
-    box_outline,
-    plane_mass,
-    polygon_outline,
-    surface_of_outline,
-    turned,
-)
+from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
 from warpsph.bodies.body_set import contact_depth, contact_legs, contact_points
-from warpsph.shapes.outline import Bend, Line, Outline
+from warpsph.shapes.outline import Bend, Line, Outline, box_outline, polygon_outline
+from warpsph.shapes.points import turned
+from warpsph.shapes.sampling import surface_of_outline
+from warpsph.shapes.section import plane_mass
 
 # What the issue asks of contact: relative.
 TOLERANCE = 0.01

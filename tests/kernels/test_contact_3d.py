@@ -8,8 +8,9 @@ import pytest
 from warpsph.bodies.body import Body
 from warpsph.bodies.body_set import contact_depth, contact_legs, corners_at, edges_at, facet_legs, joined, rotation
 from warpsph.bodies.facets import crate_facets, facets, sheet_edges
-from warpsph.shapes.mesh import Mesh, box_mesh, solid_mass, solid_mesh, sphere_mesh, surface_of_mesh, winding_number
+from warpsph.shapes.mesh import Mesh, box_mesh, solid_mass, solid_mesh, sphere_mesh, winding_number
 from warpsph.shapes.outline import Line, Outline
+from warpsph.shapes.sampling import surface_of_mesh
 from warpsph.shapes.surface import Crate, Sheet
 
 # What the issue asks of contact: relative.

@@ -1,4 +1,4 @@
-"""Triangle meshes: mass properties against closed forms, even sampling, and what is refused."""
+"""Triangle meshes: mass properties against closed forms, and what is refused."""
 
 import math
 
@@ -15,7 +15,6 @@ from warpsph.shapes.mesh import (
     solid_mesh,
     sphere_mesh,
     stood_back,
-    surface_of_mesh,
     winding_number,
 )
 
@@ -154,57 +153,6 @@ def test_files(tmp_path):
         with pytest.raises(ValueError, match=str(bad.name)) as caught:
             read_mesh(bad)
         assert "\n" not in str(caught.value)
-
-
-# ---- the surface ----
-
-
-@pytest.mark.parametrize("mesh", [BOX, sphere_mesh([0.1, 0.2, 0.3], 0.03)])
-def test_sampling_is_even(mesh):
-    spacing = 0.005
-    surface = surface_of_mesh(mesh, spacing)
-    apart = np.linalg.norm(surface.points[:, None] - surface.points, axis=2)
-    np.fill_diagonal(apart, np.inf)
-    nearest = apart.min(axis=1)
-    assert nearest.min() > 0.4 * spacing
-    assert nearest.std() < 0.15 * nearest.mean()
-    assert 0.8 * spacing < nearest.mean() < 1.1 * spacing
-    assert surface.shares.max() < 1.6 * spacing**2 and surface.shares.min() > 0.3 * spacing**2
-
-
-@pytest.mark.parametrize("mesh", [BOX, WEDGE])
-def test_corners_and_edges_have_points_and_no_area_is_lost(mesh):
-    spacing = 0.01
-    surface = surface_of_mesh(mesh, spacing)
-    assert surface.shares.sum() == pytest.approx(np.linalg.norm(mesh.areas, axis=1).sum(), rel=1e-9)
-    gaps = np.linalg.norm(surface.points[:, None] - mesh.vertices, axis=2).min(axis=0)
-    assert gaps.max() < 1e-12
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    # The lower edge along x at y = low: every point of it has a point of the surface within half a spacing.
-    along = np.linspace(low[0], high[0], 200)
-    edge = np.stack([along, np.full(200, low[1]), np.full(200, low[2])], axis=1)
-    assert np.linalg.norm(surface.points[:, None] - edge, axis=2).min(axis=0).max() < 0.51 * spacing
-
-
-@pytest.mark.parametrize("mesh", [BOX, sphere_mesh([0.1, 0.2, 0.3], 0.03)])
-def test_points_lie_on_the_surface_and_normals_out_of_it(mesh):
-    spacing = 0.005
-    surface = surface_of_mesh(mesh, spacing)
-    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0, atol=1e-12)
-    inside = winding_number(mesh, surface.points - 2e-4 * surface.normals)
-    outside = winding_number(mesh, surface.points + 2e-4 * surface.normals)
-    np.testing.assert_allclose(inside, 1.0, atol=1e-6)
-    np.testing.assert_allclose(outside, 0.0, atol=1e-6)
-
-
-def test_sampling_is_the_same_each_time():
-    one, two = (surface_of_mesh(BOX, 0.006) for _ in range(2))
-    np.testing.assert_array_equal(one.points, two.points)
-
-
-def test_too_fine_a_spacing_is_refused():
-    with pytest.raises(ValueError, match="too fine"):
-        surface_of_mesh(BOX, 1e-6)
 
 
 # ---- standing back ----

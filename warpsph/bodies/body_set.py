@@ -10,13 +10,16 @@ from itertools import pairwise
 import numpy as np
 import warp as wp
 
-from warpsph.bodies.body import Body, MassProperties, Surface, counter_clockwise, reversed_outline
+from warpsph.bodies.body import Body
 from warpsph.bodies.facets import Edge, Face, Facets, facets
 from warpsph.bodies.motion import KINDS, Table
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
 from warpsph.kernels import contact as contact_kernels
-from warpsph.shapes.outline import Array, Bend, Line, Outline
+from warpsph.shapes.outline import Bend, Line, Outline, counter_clockwise, reversed_outline
+from warpsph.shapes.points import Array, spatial
+from warpsph.shapes.sampling import Surface
+from warpsph.shapes.section import MassProperties
 
 # Points whose loads one thread sums; a fixed number, so that sums do not depend on the threads.
 BLOCK_SIZE = 64
@@ -70,16 +73,16 @@ def contact_legs(
         start = ends[i - 1] if i > 0 or outline.closed else (0.0, 0.0)
         if isinstance(leg, Line):
             normal = leg.normals(np.zeros(1))[0]
-            numbers = {"kind": int(contact_kernels.LINE), "origin": _space(leg.start), "normal": _space(normal)}
-            numbers |= {"along": _space((leg.end - leg.start) / leg.length)}
+            numbers = {"kind": int(contact_kernels.LINE), "origin": spatial(leg.start), "normal": spatial(normal)}
+            numbers |= {"along": spatial((leg.end - leg.start) / leg.length)}
             middle, reach = 0.5 * (leg.start + leg.end), 0.5 * leg.length
         else:
             half = leg.points(np.array([0.5]))[0]
             inside = -math.copysign(1.0, leg.turn)  # the solid is inside of an arc that turns right
-            numbers = {"kind": int(contact_kernels.BEND), "origin": _space(leg.center), "radius": leg.radius}
-            numbers |= {"along": _space((half - leg.center) / leg.radius), "normal": np.array([0.0, inside, 0.0])}
+            numbers = {"kind": int(contact_kernels.BEND), "origin": spatial(leg.center), "radius": leg.radius}
+            numbers |= {"along": spatial((half - leg.center) / leg.radius), "normal": np.array([0.0, inside, 0.0])}
             middle, reach = leg.center, leg.radius
-        shape = {"length": leg.length, "start": start, "end": ends[i], "center": _space(middle), "width": width}
+        shape = {"length": leg.length, "start": start, "end": ends[i], "center": spatial(middle), "width": width}
         across = max(map(abs, width)) if math.isfinite(width[0]) else 0.0  # bodies of the plane have no width
         found.append(ContactLeg(**numbers, **shape, reach=math.hypot(reach + depth, across)))
     return found
@@ -158,16 +161,16 @@ def contact_points(outline: Outline, side: int) -> ContactPoints:
     count = len(outline.legs)
     joints = [(i, (i + 1) % count) for i in range(count if outline.closed else count - 1)]
     corners = [
-        _space(outline.legs[i].points(np.ones(1))[0])
+        spatial(outline.legs[i].points(np.ones(1))[0])
         for i, j in joints
         if _turn(outline.legs[i], outline.legs[j]) < -1e-6
     ]
     if not outline.closed:
-        corners += [_space(outline.legs[0].points(np.zeros(1))[0]), _space(outline.legs[-1].points(np.ones(1))[0])]
+        corners += [spatial(outline.legs[0].points(np.zeros(1))[0]), spatial(outline.legs[-1].points(np.ones(1))[0])]
     arcs = [leg for leg in outline.legs if isinstance(leg, Bend) and leg.turn < 0.0]
     plain = corners_at(np.array(corners).reshape(-1, 3))
-    round_ones = corners_at(np.array([_space(leg.center) for leg in arcs]))
-    middles = [_space((leg.points(np.array([0.5]))[0] - leg.center) / leg.radius) for leg in arcs]
+    round_ones = corners_at(np.array([spatial(leg.center) for leg in arcs]))
+    middles = [spatial((leg.points(np.array([0.5]))[0] - leg.center) / leg.radius) for leg in arcs]
     round_ones = replace(
         round_ones,
         radius=np.array([leg.radius for leg in arcs]),
@@ -483,7 +486,7 @@ def _touching(body: Body, depth: float) -> tuple[list[ContactLeg], ContactPoints
     centre = body.mass.centre
     if body.outline is not None:
         outline = counter_clockwise(body.outline)
-        legs = contact_legs(shifted_outline(outline, -centre[0], -centre[2]), -1, depth)
+        legs = contact_legs(outline.moved(-centre[[0, 2]]), -1, depth)
         return legs, contact_points(outline, -1).about(centre)
     if body.ball is not None:
         middle, radius = body.ball[0] - centre, body.ball[1]
@@ -497,20 +500,6 @@ def _touching(body: Body, depth: float) -> tuple[list[ContactLeg], ContactPoints
 def contact_depth(h: float) -> float:
     """Overlap [m] at which a point counts as on the far side of a wall, for a smoothing length of h [m]."""
     return 0.25 * h
-
-
-def shifted_outline(outline: Outline, x: float, z: float) -> Outline:
-    """The same outline moved by `x` and `z` [m]."""
-    way = np.array([x, z])
-    return Outline(
-        tuple(
-            Line(leg.start + way, leg.end + way)
-            if isinstance(leg, Line)
-            else Bend(leg.center + way, leg.radius, leg.start, leg.turn)
-            for leg in outline.legs
-        ),
-        outline.closed,
-    )
 
 
 def rotation(quaternion: Array) -> Array:
@@ -532,11 +521,6 @@ def _joint(before: Line | Bend, after: Line | Bend, depth: float) -> tuple[float
     if turn < -1e-9:
         return 0.0, math.tan(-0.5 * turn)
     return (depth, 0.0) if turn > 1e-6 else (1e-9, 0.0)
-
-
-def _space(point: Array) -> Array:
-    """A plane point [x, z] as [x, 0, z]."""
-    return np.array([point[0], 0.0, point[1]])
 
 
 _NO_ROWS = Table(np.empty(0), np.empty((0, 3)), np.empty(0))

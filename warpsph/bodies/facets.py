@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.bodies.body import reversed_outline
-from warpsph.shapes.mesh import along_curve
-from warpsph.shapes.outline import Array, Bend, Line
+from warpsph.shapes.outline import Bend, Line, reversed_outline
+from warpsph.shapes.points import Array
+from warpsph.shapes.sampling import along_curve
 from warpsph.shapes.surface import Crate, Sheet
 
 # Neighbouring triangles whose normals differ by less are one flat face [rad].

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warpsph.shapes.outline import Array
+from warpsph.shapes.points import Array
 
 COLUMNS = ("time", "x", "y", "z", "angle")
 

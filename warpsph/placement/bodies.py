@@ -14,15 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.bodies.body import (
-    PLANE_SHIFT,
-    PLANE_TURN,
-    Body,
-    Surface,
-    counter_clockwise,
-    plane_mass,
-    surface_of_outline,
-)
+from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
 from warpsph.bodies.body_set import (
     ContactLeg,
     ContactPoints,
@@ -46,19 +38,21 @@ from warpsph.shapes.mesh import (
     ball_mass,
     box_mesh,
     distance_to_mesh,
-    pieces,
     read_mesh,
     solid_mass,
     sphere_mesh,
     stood_back,
-    surface_of_mesh,
     winding_number,
 )
-from warpsph.shapes.outline import Array, Bend, Line, Outline, closed_outline, path_legs
-from warpsph.shapes.surface import Crate, Sheet, in_space
+from warpsph.shapes.outline import Line, Outline, closed_outline, counter_clockwise, path_legs
+from warpsph.shapes.points import Array, in_space, spatial, turned
+from warpsph.shapes.sampling import Surface, pieces, surface_of_mesh, surface_of_outline
+from warpsph.shapes.section import plane_mass
+from warpsph.shapes.surface import Crate, Sheet
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2
+NOWHERE = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -167,21 +161,6 @@ def contact_of_walls(
     return legs, joined(points)
 
 
-def moved_outline(outline: Outline, angle: float, shift: Array) -> Outline:
-    """The same outline turned counter-clockwise about the origin by `angle` [rad], then moved by `shift` [m]."""
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[c, s], [-s, c]])
-    return Outline(
-        tuple(
-            Line(leg.start @ turn + shift, leg.end @ turn + shift)
-            if isinstance(leg, Line)
-            else Bend(leg.center @ turn + shift, leg.radius, leg.start + angle, leg.turn)
-            for leg in outline.legs
-        ),
-        outline.closed,
-    )
-
-
 def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
     """One body in its place."""
     set_back, angle = scene.wall_model.set_back * scene.spacing, math.radians(body.angle)
@@ -189,8 +168,8 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
     given = {"density": body.density, "mass": body.mass}
     try:
         if scene.dimensions == 2:
-            outline = counter_clockwise(moved_outline(_outline(scene, path, body.shape), angle, at))
-            centre = None if body.centre is None else _turned(np.array([body.centre]), angle)[0] + at
+            outline = counter_clockwise(_outline(scene, path, body.shape).moved(at, angle))
+            centre = None if body.centre is None else turned([body.centre], angle)[0] + at
             mass = plane_mass(outline, **given, centre=centre, inertia=body.inertia)
             surface = surface_of_outline(_stood_back(outline, set_back), scene.wall_spacing)
             surface = _with_spines(surface, outline, set_back, scene.wall_spacing)
@@ -213,7 +192,7 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
                 outline,
                 mesh,
                 ball,
-                velocity=_in_space(body.velocity),
+                velocity=spatial(body.velocity or NOWHERE),
                 spin=body.spin if isinstance(body.spin, tuple) else (0.0, -(body.spin or 0.0), 0.0),
                 free_shift=free_shift,
                 free_turn=free_turn,
@@ -240,7 +219,7 @@ def _outline(scene: Scene, path: str, shape: SolidField) -> Outline:
 
 def _stood_back(outline: Outline, distance: float) -> Outline:
     """The outline of the points that push the fluid, `distance` [m] inside of what is drawn."""
-    back = outline.shifted(distance)
+    back = outline.offset(distance)
     for before, after in zip(outline.legs, back.legs, strict=True):
         if isinstance(before, Line):
             is_turned = (after.end - after.start) @ (before.end - before.start) <= 0.0
@@ -333,10 +312,10 @@ def _motion(scene: Scene, path: str, motion: BodyMotion) -> Motion:
         table = rows
     return Motion(
         motion.kind,
-        direction=_in_space(motion.shift),
+        direction=spatial(motion.shift or NOWHERE),
         turn=math.radians(motion.turn),
         axis=_axis(motion.axis),
-        pivot=None if motion.pivot is None else _in_space(motion.pivot),
+        pivot=None if motion.pivot is None else spatial(motion.pivot),
         begin=motion.begin,
         period=motion.period or 1.0,
         phase=math.radians(motion.phase),
@@ -369,17 +348,6 @@ def _is_behind(centre: Array, points: Array, normals: Array) -> bool:
     arm = centre - points[np.argmin(((points - centre) ** 2).sum(axis=1))]
     nearest = normals[np.argmin(((points - centre) ** 2).sum(axis=1))]
     return bool(arm @ nearest < -0.7 * np.linalg.norm(arm))
-
-
-def _in_space(vector: Sequence[float] | None) -> Array:
-    if vector is None:
-        return np.zeros(3)
-    return np.array(vector) if len(vector) == 3 else np.array([vector[0], 0.0, vector[1]])
-
-
-def _turned(points: Array, angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    return points @ np.array([[c, s], [-s, c]])
 
 
 def _turn_in_space(body: BodyField) -> Array:

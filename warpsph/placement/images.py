@@ -17,7 +17,7 @@ import warp as wp
 from warpsph.kernels import images as kernels
 from warpsph.scene.boundaries import Image as ImageField
 from warpsph.scene.scene import Scene
-from warpsph.shapes.outline import Array
+from warpsph.shapes.points import Array, spatial
 
 # More images than this are no corner of mirrors but one that does not close.
 MOST_IMAGES = 128
@@ -91,12 +91,12 @@ def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
     for i, spec in enumerate(scene.images):
         path = f"images[{i}]"
         if spec.mirror:
-            point, normal = _vector(spec.mirror.point), _vector(spec.mirror.normal)
+            point, normal = spatial(spec.mirror.point), spatial(spec.mirror.normal)
             normal = normal / np.linalg.norm(normal)
             edges.append(Edge(normal, float(normal @ point), spec.name, path))
             images.append(_reflection(spec, edges[-1]))
         else:
-            start, end = _vector(spec.periodic.start), _vector(spec.periodic.end)
+            start, end = spatial(spec.periodic.start), spatial(spec.periodic.end)
             along = (end - start) / np.linalg.norm(end - start)
             edges.append(Edge(along, float(along @ start), spec.name, path))
             images.append(_shift(end - start))
@@ -140,7 +140,7 @@ def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tupl
 def periods(scene: Scene) -> dict[str, Array]:
     """From edge to edge of each periodic pair, by name [m], shape [3]."""
     pairs = {spec.name: spec.periodic for spec in scene.images if spec.periodic}
-    return {name: _vector(pair.end) - _vector(pair.start) for name, pair in pairs.items()}
+    return {name: spatial(pair.end) - spatial(pair.start) for name, pair in pairs.items()}
 
 
 def mirror_lines(scene: Scene, lower: Array, upper: Array) -> dict[str, Array]:
@@ -161,15 +161,11 @@ def mirror_lines(scene: Scene, lower: Array, upper: Array) -> dict[str, Array]:
     return lines
 
 
-def _vector(point: Sequence[float]) -> Array:
-    return np.array(point if len(point) == 3 else (point[0], 0.0, point[1]), dtype=float)
-
-
 def _reflection(spec: ImageField, edge: Edge) -> Image:
     """The image in a mirror, with its rule of velocity."""
     R = np.eye(3) - 2.0 * np.outer(edge.normal, edge.normal)
     t = 2.0 * edge.offset * edge.normal
-    u_wall = _vector(spec.mirror.velocity) if spec.mirror.velocity else np.zeros(3)
+    u_wall = spatial(spec.mirror.velocity) if spec.mirror.velocity else np.zeros(3)
     F, f = {
         "free_slip": (R, np.zeros(3)),
         "no_slip_opposite": (-np.eye(3), 2.0 * u_wall),

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from warpsph.scene.boundaries import Wall
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Corner, Shape, Solid
-
-Array = NDArray[np.float64]
+from warpsph.shapes.points import Array, turned, unit
 
 
 @dataclass(frozen=True)
@@ -114,15 +113,26 @@ class Outline:
             corners.append(leg.points(np.linspace(0.0, 1.0, pieces + 1)))
         return np.concatenate(corners)
 
-    def shifted(self, distance: float) -> Outline:
-        """The parallel outline `distance` [m] to the left; straight legs meet anew at their corners."""
-        legs = []
+    def moved(self, by: ArrayLike, angle: float = 0.0) -> Outline:
+        """The same outline turned counter-clockwise about the origin by `angle` [rad], then moved `by` [x, z] [m]."""
+        by = np.asarray(by, float)
+        legs: list[Leg] = []
         for leg in self.legs:
             if isinstance(leg, Line):
-                offset = distance * leg.normals(np.zeros(1))[0]
-                legs.append(Line(leg.start + offset, leg.end + offset))
+                legs.append(Line(turned(leg.start, angle) + by, turned(leg.end, angle) + by))
             else:
-                # An arc narrower than the shift keeps a trace of itself rather than turning inside out.
+                legs.append(Bend(turned(leg.center, angle) + by, leg.radius, leg.start + angle, leg.turn))
+        return Outline(tuple(legs), self.closed)
+
+    def offset(self, distance: float) -> Outline:
+        """The parallel outline `distance` [m] to the left; straight legs meet anew at their corners."""
+        legs: list[Leg] = []
+        for leg in self.legs:
+            if isinstance(leg, Line):
+                way = distance * leg.normals(np.zeros(1))[0]
+                legs.append(Line(leg.start + way, leg.end + way))
+            else:
+                # An arc narrower than the distance keeps a trace of itself rather than turning inside out.
                 radius = max(leg.radius - math.copysign(1.0, leg.turn) * distance, 0.01 * leg.radius)
                 legs.append(Bend(leg.center, radius, leg.start, leg.turn))
         joints = [(i, i + 1) for i in range(len(legs) - 1)] + [(len(legs) - 1, 0)] * self.closed
@@ -153,7 +163,7 @@ class Outline:
         # A joint belongs to two legs: the later one's first point is merged into the earlier one's last.
         joints = [(i, i + 1) for i in range(len(self.legs) - 1)] + [(len(self.legs) - 1, 0)] * self.closed
         for before, after in joints:
-            normals[before][-1] = _unit(normals[before][-1] + normals[after][0], otherwise=normals[before][-1])
+            normals[before][-1] = unit(normals[before][-1] + normals[after][0], otherwise=normals[before][-1])
             lengths[before][-1] += lengths[after][0]
         first = [1 if self.closed or i > 0 else 0 for i in range(len(self.legs))]
         return tuple(
@@ -237,6 +247,32 @@ def path_legs(scene: Scene, where: str, path: Sequence[Corner | Sequence[float]]
     return tuple(legs)
 
 
-def _unit(vector: Array, otherwise: Array) -> Array:
-    length = np.linalg.norm(vector)
-    return vector / length if length > 1e-9 else otherwise
+def counter_clockwise(outline: Outline) -> Outline:
+    """The same closed outline with its inside on the left."""
+    x, z = outline.polygon().T
+    doubled = np.sum(x * np.roll(z, -1) - z * np.roll(x, -1))
+    return outline if doubled > 0.0 else reversed_outline(outline)
+
+
+def reversed_outline(outline: Outline) -> Outline:
+    """The same outline the other way round."""
+    legs: list[Leg] = []
+    for leg in reversed(outline.legs):
+        if isinstance(leg, Line):
+            legs.append(Line(leg.end, leg.start))
+        else:
+            legs.append(Bend(leg.center, leg.radius, leg.start + leg.turn, -leg.turn))
+    return Outline(tuple(legs), outline.closed)
+
+
+def box_outline(low: Sequence[float], high: Sequence[float], angle: float = 0.0) -> Outline:
+    """The outline of a box from corner `low` to corner `high` [x, z] [m], turned about its centre by `angle` [rad]."""
+    (left, bottom), (right, top) = low, high
+    corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]], float)
+    return polygon_outline(turned(corners, angle, corners.mean(axis=0)))
+
+
+def polygon_outline(corners: ArrayLike) -> Outline:
+    """The closed outline through `corners` [m], shape [n, 2]."""
+    corners = np.asarray(corners, float)
+    return Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), closed=True)

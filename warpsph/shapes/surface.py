@@ -17,9 +17,9 @@ from warpsph.scene.boundaries import Face
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Shape
 from warpsph.shapes.outline import Array, Line, Outline, closed_outline, wall_outline
+from warpsph.shapes.points import BLOCK, in_plane, in_space, inside_box, turned
+from warpsph.shapes.points import around as around  # for model and place, until they ask points for it
 
-# So many points are worked on at a time: more would only take memory.
-BLOCK = 1 << 18
 FACES = get_args(Face)  # two for each axis, the low one first
 
 
@@ -31,32 +31,6 @@ def contains(polygon: Array, points: Array) -> NDArray[np.bool_]:
         if az != bz:
             inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
     return inside
-
-
-def around(*sets: Array) -> tuple[Array, Array]:
-    """Lower and upper corner of the box around points [m], each of shape [3]; some of the sets may be empty."""
-    some = [points.T for points in sets if len(points)]
-    # Column by column: over rows of three numpy takes ten times as long.
-    lower = np.array([min(float(points[axis].min()) for points in some) for axis in range(3)])
-    return lower, np.array([max(float(points[axis].max()) for points in some) for axis in range(3)])
-
-
-def inside_box(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Whether each of `points` [n, 3] lies inside a box and not on its faces, shape [n]."""
-    inside = np.ones(len(points), dtype=bool)
-    for x, a, b in zip(points.T, low, high, strict=True):
-        inside &= (x > a) & (x < b)
-    return inside
-
-
-def in_plane(points: Array) -> Array:
-    """x and z of points [n, 3], shape [n, 2]."""
-    return np.ascontiguousarray(points[:, [0, 2]])
-
-
-def in_space(plane: Array, y: float = 0.0) -> Array:
-    """Points or vectors [n, 2] of the x-z plane as [n, 3]."""
-    return np.insert(plane, 1, y, axis=1)
 
 
 def divide(low: float, high: float, spacing: float) -> tuple[Array, Array]:
@@ -158,7 +132,7 @@ class Sheet:
     def set_back(self, distance: float, side: int) -> Sheet:
         """The parallel wall `distance` [m] behind, seen from `side`; it reaches as far beyond its width."""
         width = (self.width[0] - distance, self.width[1] + distance) if self.width else None
-        return Sheet(self.outline.shifted(-distance * side), width)
+        return Sheet(self.outline.offset(-distance * side), width)
 
     def sample(self, spacing: float) -> tuple[Array, Array, Array]:
         """Points at most `spacing` [m] apart, on a lattice across the width.
@@ -379,10 +353,10 @@ class Frame:
 
 
 def _turned(points: Array, angle: float) -> Array:
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    turned = points.copy()
-    turned[:, [0, 2]] = in_plane(points) @ np.array([[c, s], [-s, c]])
-    return turned
+    """Points [n, 3] turned by `angle` [degrees] in the x-z plane."""
+    copies = points.copy()
+    copies[:, [0, 2]] = turned(in_plane(points), math.radians(angle))
+    return copies
 
 
 @dataclass(frozen=True)
