@@ -113,7 +113,7 @@ def _behind_sheet(
     plane, lengths = np.empty((0, 2)), np.empty(0)
     for k in range(count):
         depth = (k + 0.5) * dx
-        sites, shares = spread(outline.shifted(-depth * side), dx)
+        sites, shares = spread(outline.offset(-depth * side), dx)
         distance = outline.distance(sites)
         # What is nearer belongs to another part of the wall, and what is farther is the far end of a corner.
         kept = (distance > depth - SLACK * dx) & (distance < (count + 0.25) * dx)
