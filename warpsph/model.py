@@ -92,7 +92,7 @@ class Model:
             renormalised=scene.continuity == "renormalised",
             fluid_count=len(scene.fluids),
             dimensions=scene.dimensions,
-            neighbours=scene.neighbours,
+            neighbours="cells" if scene.neighbours == "cells" else "lists",
             walled=self.has_dummies,
         )
         self.parameters = self._parameters(scene, placement, materials, capacity)

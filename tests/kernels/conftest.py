@@ -12,6 +12,7 @@ import warp as wp
 from warpsph.bodies.body import Body
 from warpsph.bodies.body_set import BodySet, ContactLeg, ContactPoints, rotation
 from warpsph.device.launch import Launcher
+from warpsph.kernels.blocks import Blocks
 from warpsph.kernels.density import pressure_gradient_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT, Layout
 from warpsph.kernels.neighbours import CellGrid
@@ -301,6 +302,19 @@ class Touching:
             total[:3] += p
             total[3:] += np.cross(self.position(b), p) + R @ own.mass.inertia @ R.T @ self.spin(b)
         return total
+
+
+@pytest.fixture
+def make_blocks() -> Callable[..., Blocks]:
+    """A function of the number of items and the size of a block: runs of items, or interleaved as on a GPU."""
+
+    def make(count: int, size: int, interleaved: bool = False) -> Blocks:
+        blocks, number = Blocks(), -(-count // size)
+        blocks.count, blocks.size = count, size
+        blocks.apart, blocks.stride = (1, number) if interleaved else (size, 1)
+        return blocks
+
+    return make
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ GRAVITY = 9.81
 BLOCK, FLUIDS = 64, 2
 
 
-@pytest.fixture
-def summed(make_cloud):
+@pytest.fixture(params=[False, True], ids=["runs", "interleaved"])
+def summed(make_cloud, make_blocks, request):
     """A cloud of two fluids with its density and work, and the sums of all its blocks, [fluid, column]."""
     random, n = np.random.default_rng(8), 200  # three whole blocks and a short one
     x = random.uniform(-2, 2, (n, 3)) * [1, 0, 1]
@@ -27,7 +27,8 @@ def summed(make_cloud):
         *(cloud.array(cloud.x, wp.vec3d), cloud.array(cloud.u, wp.vec3), cloud.array(density, wp.float64)),
         *(cloud.array(work, wp.vec3d), cloud.fluids, sums),
     ]
-    cloud.launcher.run(energy.sum_blocks, rows, [cloud.parameters, n, BLOCK, FLUIDS, *arrays])
+    in_blocks = make_blocks(n, BLOCK, request.param)
+    cloud.launcher.run(energy.sum_blocks, rows, [cloud.parameters, in_blocks, FLUIDS, *arrays])
     blocks = sums.numpy().reshape(4, FLUIDS, energy.COLUMN_COUNT)
     return cloud, density, work, blocks
 
@@ -65,14 +66,14 @@ def test_work_is_counted_once(summed):
     assert not blocks[:, 1, columns].any()
 
 
-def test_a_fluid_that_is_not_there(make_cloud):
+def test_a_fluid_that_is_not_there(make_cloud, make_blocks):
     """Its sums are zero, and it has no front."""
     cloud = make_cloud([[1.0, 0.0, 2.0]])
     sums = wp.zeros((2, energy.COLUMN_COUNT), dtype=wp.float64, device=cloud.launcher.device)
     zero = cloud.array(np.zeros((1, 3)), wp.vec3d)
     density = cloud.array([1000.0], wp.float64)
     arrays = [zero, cloud.array(np.zeros((1, 3)), wp.vec3), density, zero, cloud.fluids, sums]
-    cloud.launcher.run(energy.sum_blocks, 2, [cloud.parameters, 1, BLOCK, 2, *arrays])
+    cloud.launcher.run(energy.sum_blocks, 2, [cloud.parameters, make_blocks(1, BLOCK), 2, *arrays])
     row = sums.numpy()[1]
     assert row[energy.FRONT] == -np.inf
     assert not np.delete(row, energy.FRONT).any()

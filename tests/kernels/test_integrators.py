@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpsph.device.blocks import blocks_of
 from warpsph.kernels import integrators
 
 # Velocities, accelerations and steps are in single precision.
@@ -379,7 +380,7 @@ class Clock:
 
     def tick(self) -> None:
         watched = [self.limit, self.fault, self.work, self.total_work, self.block_limit, self.fault_slot]
-        self._launch(integrators.watch_blocks, 1, 256, *watched)
+        self._launch(integrators.watch_blocks, blocks_of(1, wp.get_device(self.device))[0], *watched)
         self._launch(
             *(integrators.advance_clock, 1, 1, self.block_limit, self.fault_slot, self.fault, self.strain, self.target),
             *(self.last_step, self.time, self.dt, self.steps, self.first_fault, self.first_fault_slot),
@@ -458,30 +459,35 @@ def test_clock_stops_at_the_first_fault(device):
     assert value(clock.steps) == 2
 
 
-def test_blocks_are_watched_to_the_last_particle(device):
+@pytest.mark.parametrize("interleaved", [False, True])
+def test_blocks_are_watched_to_the_last_particle(device, make_blocks, interleaved):
     """Least limit, first fault and work of each block; the last block is a short one."""
     random, count, size = np.random.default_rng(7), 1000, 256
     limit = random.uniform(size=count).astype(np.float32)
     work = random.uniform(size=(count, 3)).astype(np.float32)
     fault = np.zeros(count, np.int32)
-    fault[[300, 301, 999]] = [integrators.TOO_LIGHT, integrators.OUTSIDE, integrators.TOO_FAST]
+    fault[[300, 301, 998]] = [integrators.TOO_LIGHT, integrators.OUTSIDE, integrators.TOO_FAST]
     least, slot = wp.zeros(4, dtype=float, device=device), wp.zeros(4, dtype=int, device=device)
     total = wp.full(4, wp.vec3d(1.0, 2.0, 3.0), dtype=wp.vec3d, device=device)
     arrays = [wp.array(limit, device=device), wp.array(fault, device=device), wp.array(work, wp.vec3, device=device)]
-    wp.launch(integrators.watch_blocks, dim=4, inputs=[0, count, size, *arrays, total, least, slot], device=device)
-    edges = np.arange(0, count, size)
-    np.testing.assert_array_equal(least.numpy(), np.minimum.reduceat(limit, edges))
-    np.testing.assert_array_equal(slot.numpy(), [-1, 300, -1, 999])
-    done = np.array([1.0, 2.0, 3.0]) + np.add.reduceat(work.astype(float), edges)
+    blocks = make_blocks(count, size, interleaved)
+    wp.launch(integrators.watch_blocks, dim=4, inputs=[0, blocks, *arrays, total, least, slot], device=device)
+    items = np.arange(count)
+    members = [items[b::4] if interleaved else items[b * size : (b + 1) * size] for b in range(4)]
+    np.testing.assert_array_equal(least.numpy(), [limit[mine].min() for mine in members])
+    faulty = [mine[fault[mine] != 0] for mine in members]
+    np.testing.assert_array_equal(slot.numpy(), [mine[0] if len(mine) else -1 for mine in faulty])
+    done = [np.array([1.0, 2.0, 3.0]) + work[mine].astype(float).sum(axis=0) for mine in members]
     np.testing.assert_allclose(total.numpy(), done, rtol=1e-12)
 
 
-def test_blocks_are_collected_to_the_last(device):
+def test_blocks_are_collected_to_the_last(device, make_blocks):
     limits = np.random.default_rng(5).uniform(1.0, 2.0, 11).astype(np.float32)
     slots = np.full(11, -1)
     slots[[5, 7, 10]] = 50, 70, 100
     arrays = wp.array(limits, dtype=float, device=device), wp.array(slots, dtype=int, device=device)
     least, slot = wp.zeros(3, dtype=float, device=device), wp.zeros(3, dtype=int, device=device)
-    wp.launch(integrators.collect_blocks, dim=3, inputs=[0, 11, 4, *arrays, least, slot], device=device)
+    inputs = [0, make_blocks(11, 4), *arrays, least, slot]
+    wp.launch(integrators.collect_blocks, dim=3, inputs=inputs, device=device)
     np.testing.assert_array_equal(least.numpy(), [limits[:4].min(), limits[4:8].min(), limits[8:].min()])
     np.testing.assert_array_equal(slot.numpy(), [-1, 50, 100])

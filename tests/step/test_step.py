@@ -295,7 +295,7 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
         simulation.step()
     assert done == []
     wp.zeros(1, device=device).numpy()
-    assert done == ["__init__", "numpy"], "the test does not notice"
+    assert {"__init__", "numpy"} <= set(done), "the test does not notice"
 
 
 # Scenes with more and more in them; the most kernels of a step and of a rebuild. Sorts and scans are Warp's own.
