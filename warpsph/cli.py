@@ -173,6 +173,7 @@ def _scene(options: argparse.Namespace) -> int:
         threads=options.threads,
         overwrite=options.overwrite,
         began=options.began,
+        scene_file=options.file,
     )
     return _finish(run)
 

@@ -1,0 +1,292 @@
+"""A run and its folder: nothing foreign is touched, nothing is lost, nothing that was changed goes on unsaid."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from warpsph.cli import INPUT, OK, SCENES, main
+from warpsph.output.claim import LOCK, MARK, FolderError, Lock
+from warpsph.output.records import read_record
+from warpsph.run import Run
+from warpsph.scene.scene import load_scene
+
+# A dam break that takes a second, without what is drawn of it.
+SCENE = """
+title: A column collapses
+spacing: 0.05
+materials:
+  water: {density: 1000.0, sound_speed: 28.0}
+walls:
+  - {name: tank, path: [[0.0, 0.6], [0.0, 0.0], [0.8, 0.0], [0.8, 0.6]]}
+fluids:
+  - {name: water, material: water, shape: {box: {min: [0.0, 0.0], max: [0.2, 0.4]}}}
+gauges:
+  - {name: middle, x: 0.4}
+run: {end_time: 0.05}
+output: {pictures: false, usd: false, checkpoint_every: 0.02, samples_per_second: 100}
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("input") / "dam.yaml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def done(scene, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "done"
+    assert run("scene", scene, "--out", folder) == OK
+    return folder
+
+
+@pytest.fixture
+def folder(done, tmp_path) -> Path:
+    """A run folder of its own to each test."""
+    return shutil.copytree(done, tmp_path / "run")
+
+
+def run(*arguments: object) -> int:
+    return main([*(str(argument) for argument in arguments), "--threads", "1"])
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def refused(capsys, folder: Path, *arguments: object) -> str:
+    """What a command that is refused says, in one line, having touched nothing of `folder`."""
+    before = contents(folder)
+    capsys.readouterr()
+    assert run(*arguments) == INPUT
+    told = capsys.readouterr().err.strip()
+    assert told and "\n" not in told
+    assert contents(folder) == before
+    return told
+
+
+# ------------------------------------------------------------------------------------------------------- foreign files
+
+
+def test_the_folder_of_the_input_is_never_overwritten(tmp_path, monkeypatch, capsys):
+    """A project folder: a scene, a DEM and a report, and the run told to go to it."""
+    for name, text in {"scene.yaml": SCENE, "dem.asc": "1 2 3", "report.html": "mine"}.items():
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    for out in (".", tmp_path):
+        assert "scene.yaml, the scene to be run" in refused(
+            capsys, tmp_path, "scene", "scene.yaml", "--out", out, "--overwrite"
+        )
+
+
+def test_the_scene_of_a_run_is_not_run_into_itself(folder, capsys):
+    told = refused(capsys, folder, "scene", folder / "scene.yaml", "--out", folder, "--overwrite")
+    assert "the scene to be run" in told
+
+
+def test_a_folder_without_a_mark_is_not_overwritten(scene, tmp_path, capsys):
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    assert "holds no run of ours" in refused(capsys, tmp_path, "scene", scene, "--out", tmp_path, "--overwrite")
+
+
+def test_overwriting_takes_only_what_the_run_wrote(scene, folder):
+    foreign = {"dem.asc", "gauges/measured.csv", "preview/poster.png", "checkpoints/notes.txt", "data/x.npz", "my.csv"}
+    for name in foreign:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("mine")
+    stale = folder / "checkpoints" / "999999999.npz"
+    stale.touch()
+    assert run("scene", scene, "--out", folder, "--overwrite", "--set", "gauges=[{name: other, x: 0.3}]") == OK
+    after = contents(folder)
+    assert {name for name in foreign if after.get(name) == b"mine"} == foreign
+    assert "gauges/other.csv" in after and "gauges/middle.csv" not in after and not stale.exists()
+
+
+def test_a_foreign_record_is_not_overwritten(scene, folder, capsys):
+    (folder / "gauges" / "far.csv").write_text("measured")
+    more = ["--set", "gauges=[{name: far, x: 0.3}]"]
+    told = refused(capsys, folder, "scene", scene, "--out", folder, "--overwrite", *more)
+    assert told.startswith(f"{folder}/gauges/far.csv: was not written by the run here")
+
+
+def test_a_scene_put_into_a_run_folder_is_foreign(scene, folder, capsys):
+    (folder / "scene.yaml").write_text(SCENE)
+    assert "not as the run wrote it" in refused(capsys, folder, "scene", scene, "--out", folder, "--overwrite")
+
+
+@pytest.mark.parametrize("name", ["", "gauges", "gauges/middle.csv", "usd"])
+def test_nothing_is_overwritten_through_a_link(name, scene, folder, tmp_path, capsys):
+    elsewhere = tmp_path / "elsewhere"
+    if (folder / name).exists():
+        (folder / name).rename(elsewhere)
+    else:
+        elsewhere.mkdir()
+    (folder / name).symlink_to(elsewhere)
+    before = contents(tmp_path)
+    assert "is a link" in refused(capsys, folder, "scene", scene, "--out", folder, "--overwrite")
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("left", [(), (LOCK,), (LOCK, f"{MARK}.part"), (MARK,)])
+def test_a_run_killed_at_its_start_is_taken_up(left, scene, done, tmp_path):
+    """Before scene.yaml is written, whatever else is there by then."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in left:
+        shutil.copy(done / MARK, folder / name) if name == MARK else (folder / name).touch()
+    assert run("scene", scene, "--out", folder, "--overwrite") == OK
+    assert set(contents(folder)) == set(contents(done))
+
+
+# ---------------------------------------------------------------------------------------------------------- going on
+
+
+def test_a_finished_run_goes_on_to_a_later_end(scene, folder, tmp_path):
+    """From the checkpoint at its end, wherever that lies; with the bits of a run that was never interrupted."""
+    assert sorted(path.stem for path in (folder / "checkpoints").glob("*.npz"))
+    assert run("resume", folder, "--until", "0.07") == OK
+    assert run("scene", scene, "--out", tmp_path / "whole", "--until", "0.07") == OK
+    for name in ("energy.csv", "gauges/middle.csv", "fluids/water.csv"):
+        assert (folder / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
+    facts, whole = (json.loads((path / "run.json").read_text()) for path in (folder, tmp_path / "whole"))
+    first, second = facts["sessions"]
+    assert (first["from [s]"], first["to [s]"], second["from [s]"], second["to [s]"]) == (0.0, 0.05, 0.05, 0.07)
+    assert facts["speed"]["steps"] == first["steps"] + second["steps"] == whole["speed"]["steps"]
+    assert facts["speed"]["seconds"] == pytest.approx(first["seconds"] + second["seconds"], abs=1e-3)
+
+
+def test_an_end_before_what_is_reached_is_refused(folder, capsys):
+    told = refused(capsys, folder, "resume", folder, "--until", "0.03")
+    assert told == f"{folder}: has reached t = 0.05 s, which is beyond 0.03 s; give a later --until"
+
+
+def test_what_records_have_reached_counts(folder, capsys):
+    """A killed run has come farther than its last checkpoint."""
+    last = max((folder / "checkpoints").glob("*.npz"))
+    last.unlink()
+    (folder / "run.json").unlink()
+    assert "has reached t = 0.05 s" in refused(capsys, folder, "resume", folder, "--until", "0.045")
+
+
+def test_a_finished_run_is_not_run_again(folder, capsys):
+    assert refused(capsys, folder, "resume", folder).startswith(f"{folder}: is done, at t = 0.05 s")
+    (folder / "run.json").unlink()  # killed after the last step: what is missing is made
+    assert run("resume", folder) == OK
+    assert json.loads((folder / "run.json").read_text())["outcome"] == "done"
+
+
+def test_no_more_steps_than_allowed(scene, tmp_path, capsys):
+    folder = tmp_path / "run"
+    run("scene", scene, "--out", folder, "--set", "run.max_steps=5")
+    assert "all that run.max_steps allows" in refused(capsys, folder, "resume", folder)
+
+
+def edit(folder: Path, path: str, value: object) -> None:
+    data = yaml.safe_load((folder / "scene.yaml").read_text())
+    *parents, last = path.split(".")
+    part = data
+    for name in parents:
+        part = part[name]
+    part[last] = value
+    (folder / "scene.yaml").write_text(yaml.safe_dump(data))
+
+
+def test_a_changed_scene_is_refused_by_its_fields(folder, capsys):
+    edit(folder, "materials.water.density", 1200.0)
+    edit(folder, "gravity", 1.62)
+    told = refused(capsys, folder, "resume", folder, "--until", "0.07")
+    assert "materials.water.density was 1000.0, now 1200.0" in told and "gravity was 9.81, now 1.62" in told
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), [("spacing", 0.04), ("walls", []), ("fluids", []), ("gauges", []), ("output.usd", True)]
+)
+def test_no_change_of_the_scene_goes_unsaid(path, value, folder, capsys):
+    if value == []:  # another name
+        value = yaml.safe_load((folder / "scene.yaml").read_text())[path]
+        value[0]["name"] = "another"
+        if path == "walls":
+            value[0]["path"][0][1] = 0.7
+    edit(folder, path, value)
+    assert path in refused(capsys, folder, "resume", folder, "--until", "0.07")
+
+
+def test_another_rate_of_frames_is_refused_with_its_cause(scene, tmp_path, capsys):
+    folder = tmp_path / "run"
+    assert run("scene", scene, "--out", folder, "--set", "output.usd=true") == OK
+    edit(folder, "output.frames_per_second", 60.0)
+    told = refused(capsys, folder, "resume", folder, "--until", "0.07")
+    assert "output.frames_per_second was 30.0, now 60.0" in told
+    edit(folder, "output.frames_per_second", 30.0)
+    (folder / "usd" / "frames" / "fluid.00001.usdc").unlink()
+    before = contents(folder)
+    assert run("resume", folder, "--until", "0.07") != OK
+    assert "fluid.00001.usdc" in capsys.readouterr().err and contents(folder) == before
+
+
+def test_changed_outputs_go_on_and_are_named(folder, capsys):
+    edit(folder, "output.samples_per_second", 200.0)
+    assert run("resume", folder, "--until", "0.07") == OK
+    assert "goes on with output.samples_per_second, which was 100.0, now 200.0" in capsys.readouterr().err
+    times = read_record(folder / "energy.csv")["time [s]"]
+    np.testing.assert_allclose(times, [0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.055, 0.06, 0.065, 0.07], rtol=0, atol=1e-9)
+
+
+# ---------------------------------------------------------------------------------------------------------- the lock
+
+
+def test_a_second_run_in_a_folder_is_refused(scene, folder, capsys):
+    first = Run(load_scene(scene), folder, threads=1, overwrite=True)
+    for command in (["scene", scene, "--out", folder, "--overwrite"], ["resume", folder]):
+        told = refused(capsys, folder, *command)
+        assert told.startswith(f"{folder}: process {os.getpid()} on {socket.gethostname()}, since ")
+    assert first.execute()["outcome"] == "done"
+    assert not (folder / LOCK).exists()
+    assert len(read_record(folder / "gauges" / "middle.csv")["time [s]"]) == 6
+
+
+def test_a_run_in_another_process_is_seen_and_a_dead_one_is_told(scene, tmp_path, capsys):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "warpsph", "scene", str(scene), "--until", "1000", "--out", str(folder)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([*command, "--threads", "1"], cwd=SCENES.parent, **quiet) as process:
+        deadline = time.monotonic() + 60.0
+        while len(list((folder / "checkpoints").glob("*.npz"))) < 1:
+            assert process.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)
+        assert run("resume", folder) == INPUT
+        assert f"process {process.pid} on " in capsys.readouterr().err
+        os.kill(process.pid, signal.SIGKILL)
+    reached = read_record(folder / "energy.csv")["time [s]"][-1]
+    assert run("resume", folder, "--until", reached + 0.02) == OK
+    told = capsys.readouterr().err
+    assert f"process {process.pid} on " in told and "ended without a word; its lock is taken over" in told
+
+
+def test_a_lock_of_another_machine_is_respected(tmp_path):
+    """Whether that one lives cannot be told from here."""
+    (tmp_path / LOCK).write_text(json.dumps({"process": 1, "host": "elsewhere", "since": "yesterday"}))
+    with pytest.raises(FolderError, match=r"process 1 on elsewhere, since yesterday, runs here; if it is dead, delete"):
+        Lock(tmp_path)
+    (tmp_path / LOCK).write_text("")  # killed before it told who it is
+    lock = Lock(tmp_path)
+    assert lock.left_by == ""
+    lock.release()
+
+
+def test_a_run_that_cannot_be_set_up_leaves_no_lock(scene, tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    assert run("scene", scene, "--out", folder, "--set", "materials.water.sound_speed=1") == INPUT
+    assert not list(folder.iterdir())
