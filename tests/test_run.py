@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from pxr import Usd
 
 from warpsph.cli import INPUT, OK, SCENES, main
 from warpsph.output.claim import LOCK, MARK, FolderError, Lock
@@ -290,3 +291,52 @@ def test_a_run_that_cannot_be_set_up_leaves_no_lock(scene, tmp_path):
     folder.mkdir()
     assert run("scene", scene, "--out", folder, "--set", "materials.water.sound_speed=1") == INPUT
     assert not list(folder.iterdir())
+
+
+# ------------------------------------------------------------------------------------- what is drawn is of its instant
+
+FALLING = """
+title: A box falls, 10 frames a second
+spacing: 0.05
+materials:
+  water: {density: 1000.0, sound_speed: 40.0}
+walls:
+  - {name: tank, path: [[0.0, 2.0], [0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]}
+fluids:
+  - {name: water, material: water, fill: {level: 0.2, above: tank}}
+bodies:
+  - {name: box, shape: {box: {min: [0.4, 1.4], max: [0.6, 1.6]}}, mass: 20.0}
+run: {end_time: 0.5}
+output: {frames_per_second: 10, samples_per_second: 10, pictures: false}
+"""
+
+
+def test_a_body_is_drawn_where_it_was_at_the_instant_of_the_frame(tmp_path):
+    """The record is written by the stepping thread itself, the frame by another while steps go on."""
+    (tmp_path / "falling.yaml").write_text(FALLING)
+    assert run("scene", tmp_path / "falling.yaml", "--out", tmp_path / "run") == OK
+    record = read_record(tmp_path / "run" / "bodies" / "box.csv")
+    stage = Usd.Stage.Open(str(tmp_path / "run" / "usd" / "scene.usda"))
+    place = stage.GetPrimAtPath("/World/Bodies/box").GetAttribute("xformOp:translate")
+    drawn = np.array([place.Get(frame) for frame in range(6)])
+    # Records have nine digits; the box falls freely until it meets the water, 0.4 s later.
+    np.testing.assert_allclose(drawn[:, [0, 2]].T, [record["x [m]"], record["z [m]"]], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(drawn[:4, 2], 1.5 - 0.5 * 9.81 * (0.1 * np.arange(4)) ** 2, rtol=0, atol=1e-5)
+
+
+def test_a_run_folder_is_the_same_on_any_number_of_threads(tmp_path):
+    """All of it, bodies included, but for when and on what it was run."""
+    folders = [tmp_path / str(threads) for threads in (1, 2)]
+    for folder in folders:
+        scene = load_scene(SCENES / "sinking_disc.yaml", ["run.end_time=0.1", "warm_up.duration=0.05"])
+        Run(scene, folder, threads=int(folder.name)).execute()
+    one, two = (contents(folder) for folder in folders)
+    for files in (one, two):
+        facts = json.loads(files.pop("run.json"))
+        for name in ("provenance", "sessions", "speed"):
+            del facts[name]
+        files["facts"] = json.dumps(facts).encode()
+        for name in ("log.txt", "report.html"):
+            del files[name]
+    assert set(one) == set(two) and {"usd/scene.usda", "bodies/disc.csv", "preview/frame.00003.png"} <= set(one)
+    assert [name for name in one if one[name] != two[name]] == []

@@ -1,5 +1,7 @@
 """Records: what is written is read back, a resumed record goes on without a seam, and crests are found."""
 
+import logging
+
 import numpy as np
 import pytest
 
@@ -106,8 +108,9 @@ def test_crest_without_enough_around_it_is_the_highest_sample(level):
 
 
 @pytest.mark.parametrize("cut", ["0.2", "0.200000,", "0.200000,1.0,-2", "0.200000,x,y\n"])
-def test_a_cut_row_is_dropped_and_told(path, cut, caplog):
+def test_a_cut_row_is_dropped_and_told(path, cut, caplog, monkeypatch):
     """A kill or a full disk in the middle of a row; the number of its last cell may be cut, too."""
+    monkeypatch.setattr(logging.getLogger("warpsph"), "propagate", True)  # the command line turns it off
     path.write_text("time [s],a,b\n0.000000,1,2\n0.100000,1,2\n" + cut)
     record = Record(path, ["a", "b"], resume_at=0.3)
     record.write(0.4, [3, 4])
