@@ -15,11 +15,13 @@ import pytest
 import yaml
 from pxr import Usd
 
-from warpsph.cli import INPUT, OK, SCENES, main
+from warpsph.cli import INPUT, OK, SCENES, STOPPED_EARLY, main
+from warpsph.output.checkpoint import find_checkpoint
 from warpsph.output.claim import LOCK, MARK, FolderError, Lock
 from warpsph.output.records import read_record
 from warpsph.run import Run
 from warpsph.scene.scene import load_scene
+from warpsph.shapes.mesh import read_mesh
 
 # A dam break that takes a second, without what is drawn of it.
 SCENE = """
@@ -189,7 +191,8 @@ def test_a_finished_run_is_not_run_again(folder, capsys):
 
 def test_no_more_steps_than_allowed(scene, tmp_path, capsys):
     folder = tmp_path / "run"
-    run("scene", scene, "--out", folder, "--set", "run.max_steps=5")
+    assert run("scene", scene, "--out", folder, "--set", "run.max_steps=5") == STOPPED_EARLY
+    assert f"by run.max_steps; `resume {folder}` goes on" in capsys.readouterr().err
     assert "all that run.max_steps allows" in refused(capsys, folder, "resume", folder)
 
 
@@ -262,10 +265,7 @@ def test_a_run_in_another_process_is_seen_and_a_dead_one_is_told(scene, tmp_path
     command = [sys.executable, "-m", "warpsph", "scene", str(scene), "--until", "1000", "--out", str(folder)]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with subprocess.Popen([*command, "--threads", "1"], cwd=SCENES.parent, **quiet) as process:
-        deadline = time.monotonic() + 60.0
-        while len(list((folder / "checkpoints").glob("*.npz"))) < 1:
-            assert process.poll() is None and time.monotonic() < deadline
-            time.sleep(0.02)
+        wait_for_a_checkpoint(folder, process)
         assert run("resume", folder) == INPUT
         assert f"process {process.pid} on " in capsys.readouterr().err
         os.kill(process.pid, signal.SIGKILL)
@@ -291,6 +291,61 @@ def test_a_run_that_cannot_be_set_up_leaves_no_lock(scene, tmp_path):
     folder.mkdir()
     assert run("scene", scene, "--out", folder, "--set", "materials.water.sound_speed=1") == INPUT
     assert not list(folder.iterdir())
+
+
+# ------------------------------------------------------------------------------------- stopped, and nobody listening
+
+
+def wait_for_a_checkpoint(folder: Path, process: subprocess.Popen) -> None:
+    deadline = time.monotonic() + 60.0
+    while not list((folder / "checkpoints").glob("*.npz")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_stops_a_run_at_a_record_with_a_checkpoint(name, scene, tmp_path):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "warpsph", "scene", str(scene), "--until", "1000", "--out", str(folder)]
+    pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([*command, "--threads", "1"], cwd=SCENES.parent, **pipe) as process:
+        wait_for_a_checkpoint(folder, process)
+        process.send_signal(getattr(signal, name))
+        _, told = process.communicate(timeout=60)
+    assert process.returncode == STOPPED_EARLY
+    facts = json.loads((folder / "run.json").read_text())
+    by = "Ctrl-C" if name == "SIGINT" else name
+    assert facts["why"] == f"at t = {facts['time [s]']:g} s, by {by}"
+    assert f"stopped {facts['why']}; `resume {folder}` goes on" in told and "Traceback" not in told
+    assert f"stopped {facts['why']}" in (folder / "log.txt").read_text()
+    assert find_checkpoint(folder / "checkpoints").time == facts["time [s]"]
+
+
+@pytest.mark.parametrize("way", ["gone", "closed", "full"])
+def test_a_run_goes_on_though_nobody_listens(way, scene, tmp_path):
+    """`2>&1 | head -1`, `>&- 2>&-`, a full disk behind both; with a warning, progress and a summary to be told."""
+    folder = tmp_path / "run"
+    command = f"{sys.executable} -m warpsph scene {scene} --until 0.2 --out {folder} --threads 1"
+    command += " --set materials.water.sound_speed=18"
+    ways = {"gone": "2>&1 | :", "closed": ">&- 2>&-", "full": "> /dev/full 2>&1"}
+    if way == "full" and not Path("/dev/full").exists():
+        pytest.skip("needs /dev/full")
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command} {ways[way]}"], cwd=SCENES.parent, check=False)
+    assert done.returncode == OK
+    facts = json.loads((folder / "run.json").read_text())
+    assert facts["outcome"] == "done" and facts["warnings"]
+
+
+def test_a_list_that_is_not_read_to_its_end_is_no_fault():
+    command = f"set -o pipefail; {sys.executable} -m warpsph list | :"
+    done = subprocess.run(["bash", "-c", command], cwd=SCENES.parent, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (OK, "")
+
+
+def test_missing_meshio_is_named_by_what_installs_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "meshio", None)
+    with pytest.raises(ValueError, match=r"python -m pip install meshio$"):
+        read_mesh("cube.stl")
 
 
 # ------------------------------------------------------------------------------------- what is drawn is of its instant

@@ -4,6 +4,9 @@ import json
 import logging
 import math
 import platform
+import signal
+import sys
+import threading
 import time
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -20,7 +23,7 @@ from warpsph.measure.leaks import behind_walls
 from warpsph.measure.waves import celerity, find_impact, find_wave
 from warpsph.output.checkpoint import CheckpointError, differences, find_checkpoint, read_checkpoint, write_checkpoint
 from warpsph.output.claim import FolderError, Lock, Mark, clear, read_json, refuse_foreign, write_whole
-from warpsph.output.progress import Progress
+from warpsph.output.progress import Progress, tell
 from warpsph.output.records import TIME_ROUNDING, Record, find_crest, last_time, read_record
 from warpsph.output.writers import Outputs
 from warpsph.scene.scene import Scene
@@ -167,6 +170,7 @@ class Run:
         for warning in simulation.start.warnings:
             log.warning("%s", warning)
         started = first_steps = time.perf_counter()
+        signals = _Signals()
         try:
             self._emit()
             while simulation.time < end:
@@ -178,14 +182,16 @@ class Run:
                     simulation.enter_phase()
                 self._emit()
                 progress.update(simulation.time, simulation.step_count)
-                if self._is_told_to_stop():
-                    outcome, why = STOPPED, f"at t = {simulation.time:g} s, by a STOP file or max_steps"
+                by = self._is_told_to_stop(signals)
+                if by and simulation.time < end:
+                    outcome, why = STOPPED, f"at t = {simulation.time:g} s, by {by}"
                     break
         except BlowUpError as error:
             outcome, why = BLEW_UP, str(error)
         except KeyboardInterrupt:
-            outcome, why = STOPPED, f"at t = {simulation.time:g} s, from the keyboard"
+            outcome, why = STOPPED, f"at t = {simulation.time:g} s, in the middle of a step"
         finally:
+            signals.let_go()
             progress.close()
             for record in self._records.values():
                 record.close()
@@ -263,9 +269,14 @@ class Run:
         if self._checkpoints.take(now):
             self._write_checkpoint()
 
-    def _is_told_to_stop(self) -> bool:
+    def _is_told_to_stop(self, signals: "_Signals") -> str:
+        """By what the run is told to stop; empty if by nothing."""
         most = self.scene.run.max_steps
-        return (self.folder / "STOP").exists() or (most is not None and self.simulation.step_count >= most)
+        if signals.received:
+            return signals.received
+        if (self.folder / "STOP").exists():
+            return "a STOP file"
+        return "run.max_steps" if most is not None and self.simulation.step_count >= most else ""
 
     def _facts(self, outcome: str, why: str) -> dict[str, Any]:
         """Provenance, counts, conservation and crests, as run.json holds them."""
@@ -374,6 +385,40 @@ class Run:
                     "crest time [s]": at,
                 }
         return found
+
+
+class _Signals:
+    """Holds Ctrl-C and the signals that end a program, so that a run stops at its next record, with a checkpoint.
+
+    A second one stops it at once.
+
+    Attributes:
+        received: The name of the one that has come.
+    """
+
+    NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+
+    def __init__(self) -> None:
+        self.received = ""
+        self._before: dict[int, Any] = {}
+        if threading.current_thread() is not threading.main_thread():
+            return  # Python hands them to no other
+        for name in self.NAMES:
+            number = getattr(signal, name, None)  # not every system has them all
+            if number is not None and signal.getsignal(number) not in (signal.SIG_IGN, None):  # as nohup has it
+                self._before[number] = signal.signal(number, self._take)
+
+    def _take(self, number: int, _: object) -> None:
+        if self.received:
+            raise KeyboardInterrupt
+        self.received = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+        tell("stopping at the next record; once more, and it stops at once\n", sys.stderr)
+
+    def let_go(self) -> None:
+        """Give them back to whoever had them."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before.clear()
 
 
 def _columns(scene: Scene) -> dict[str, Sequence[str]]:

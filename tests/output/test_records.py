@@ -129,3 +129,11 @@ def test_a_full_disk_takes_no_row_of_a_resumed_record(path, monkeypatch):
     with pytest.raises(OSError, match="No space"):
         Record(path, ["a"], resume_at=0.0)
     assert path.read_text() == "time [s],a\n0.000000,1\n"
+
+
+def test_a_crest_is_within_the_record():
+    """A run that ends on the way up: the parabola of what there is has its top a second after the last sample."""
+    time = np.linspace(0.0, 1.0, 101)
+    level = 4.0 - (time - 2.0) ** 2
+    level[-1] -= 0.05  # rough, so that the highest sample is not the last
+    assert find_crest(time, level) == (level[-2], time[-2])

@@ -121,4 +121,7 @@ def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float]:
     a, b, c = np.polyfit(time[first : last + 1] - time[top], level[first : last + 1], 2)
     if a >= 0.0:
         return float(level[top] - level[0]), float(time[top])
-    return float(c - b * b / (4.0 * a) - level[0]), float(time[top] - b / (2.0 * a))
+    at = float(time[top] - b / (2.0 * a))
+    if not time[first] <= at <= time[last]:  # a level that rises still at the end has not had its crest
+        return float(level[top] - level[0]), float(time[top])
+    return float(c - b * b / (4.0 * a) - level[0]), at
