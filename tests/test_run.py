@@ -15,10 +15,11 @@ import pytest
 import yaml
 from pxr import Usd
 
-from warpsph.cli import INPUT, OK, SCENES, STOPPED_EARLY, main
+from warpsph.cli import INPUT, MACHINE, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.checkpoint import find_checkpoint
 from warpsph.output.claim import LOCK, MARK, FolderError, Lock
 from warpsph.output.records import read_record
+from warpsph.output.usd import UsdCache
 from warpsph.run import Run
 from warpsph.scene.scene import load_scene
 from warpsph.shapes.mesh import read_mesh
@@ -37,6 +38,21 @@ gauges:
   - {name: middle, x: 0.4}
 run: {end_time: 0.05}
 output: {pictures: false, usd: false, checkpoint_every: 0.02, samples_per_second: 100}
+"""
+
+FALLING = """
+title: A box falls, 10 frames a second
+spacing: 0.05
+materials:
+  water: {density: 1000.0, sound_speed: 40.0}
+walls:
+  - {name: tank, path: [[0.0, 2.0], [0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]}
+fluids:
+  - {name: water, material: water, fill: {level: 0.2, above: tank}}
+bodies:
+  - {name: box, shape: {box: {min: [0.4, 1.4], max: [0.6, 1.6]}}, mass: 20.0}
+run: {end_time: 0.5}
+output: {frames_per_second: 10, samples_per_second: 10, pictures: false}
 """
 
 
@@ -247,6 +263,44 @@ def test_changed_outputs_go_on_and_are_named(folder, capsys):
     np.testing.assert_allclose(times, [0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.055, 0.06, 0.065, 0.07], rtol=0, atol=1e-9)
 
 
+def test_a_changed_file_of_the_scene_is_named(tmp_path, capsys):
+    """The scene itself is as it was, the table of motion that it names is not."""
+    rows = "time,x\n0,0\n1,{}\n"
+    (tmp_path / "motion.csv").write_text(rows.format(0.1))
+    text = FALLING.replace("mass: 20.0", "mass: 20.0, motion: {kind: table, file: motion.csv}")
+    (tmp_path / "pushed.yaml").write_text(text.replace("end_time: 0.5", "end_time: 0.01"))
+    folder = tmp_path / "run"
+    assert run("scene", tmp_path / "pushed.yaml", "--out", folder, "--set", "output.usd=false") == OK
+    (tmp_path / "motion.csv").write_text(rows.format(0.2))
+    told = refused(capsys, folder, "resume", folder, "--until", "0.02")
+    assert f"files.{tmp_path / 'motion.csv'} was " in told
+    (tmp_path / "motion.csv").write_text(rows.format(0.1))
+    assert run("resume", folder, "--until", "0.02") == OK
+
+
+def test_a_report_of_a_cut_run_json_is_refused_in_a_line(folder, capsys):
+    (folder / "run.json").write_text('{"title": "A')
+    capsys.readouterr()
+    assert main(["report", str(folder)]) == INPUT
+    told = capsys.readouterr().err.strip()
+    assert f"{folder}/run.json" in told and "\n" not in told
+
+
+def test_a_cache_that_is_taken_away_on_the_way_is_told(tmp_path, monkeypatch, capsys):
+    (tmp_path / "falling.yaml").write_text(FALLING)
+    write = UsdCache.write
+
+    def lose(cache: UsdCache, *arguments: object) -> Path:
+        if cache.frame_count == 2:
+            shutil.rmtree(cache.folder)
+        return write(cache, *arguments)
+
+    monkeypatch.setattr(UsdCache, "write", lose)
+    assert run("scene", tmp_path / "falling.yaml", "--out", tmp_path / "run") == MACHINE
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith(f"{tmp_path}/run/usd")
+
+
 # ---------------------------------------------------------------------------------------------------------- the lock
 
 
@@ -349,21 +403,6 @@ def test_missing_meshio_is_named_by_what_installs_it(monkeypatch):
 
 
 # ------------------------------------------------------------------------------------- what is drawn is of its instant
-
-FALLING = """
-title: A box falls, 10 frames a second
-spacing: 0.05
-materials:
-  water: {density: 1000.0, sound_speed: 40.0}
-walls:
-  - {name: tank, path: [[0.0, 2.0], [0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.2, above: tank}}
-bodies:
-  - {name: box, shape: {box: {min: [0.4, 1.4], max: [0.6, 1.6]}}, mass: 20.0}
-run: {end_time: 0.5}
-output: {frames_per_second: 10, samples_per_second: 10, pictures: false}
-"""
 
 
 def test_a_body_is_drawn_where_it_was_at_the_instant_of_the_frame(tmp_path):

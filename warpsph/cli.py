@@ -359,11 +359,14 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from warpsph.output.report import write_report
+    from warpsph.output.report import ReportError, write_report
 
     if not (options.run / "run.json").exists():
         raise _InputError(f"{options.run}: not a finished run (it has no run.json)")
-    _print(write_report(options.run))
+    try:
+        _print(write_report(options.run))
+    except ReportError as error:
+        return _complain(str(error), INPUT)
     return OK
 
 

@@ -22,7 +22,7 @@ from warpsph.measure.energy import drift_and_converted
 from warpsph.measure.leaks import behind_walls
 from warpsph.measure.waves import celerity, find_impact, find_wave
 from warpsph.output.checkpoint import CheckpointError, differences, find_checkpoint, read_checkpoint, write_checkpoint
-from warpsph.output.claim import FolderError, Lock, Mark, clear, read_json, refuse_foreign, write_whole
+from warpsph.output.claim import FolderError, Lock, Mark, clear, digest, read_json, refuse_foreign, write_whole
 from warpsph.output.progress import Progress, tell
 from warpsph.output.records import TIME_ROUNDING, Record, find_crest, last_time, read_record
 from warpsph.output.writers import Outputs
@@ -238,7 +238,7 @@ class Run:
         if self._checkpoint_step == self.simulation.step_count:
             return
         self._outputs.wait()
-        write_checkpoint(self.folder / "checkpoints", self.simulation, self._yaml)
+        write_checkpoint(self.folder / "checkpoints", self.simulation, self._yaml + _files_of(self.scene))
         self._checkpoint_step = self.simulation.step_count
 
     def _next_event(self) -> float:
@@ -449,7 +449,7 @@ def _refuse_unsound(scene: Scene, folder: Path) -> Scene:
     if reached.scene:
         if scene.neighbours == "auto":
             scene = scene.model_copy(update={"neighbours": yaml.safe_load(reached.scene)["neighbours"]})
-        changed = differences(reached.scene, scene.resolved_yaml())
+        changed = differences(reached.scene, scene.resolved_yaml() + _files_of(scene))
         unsound = [path for path in changed if not _is_sound(path, scene)]
         if unsound:
             named = "; ".join(f"{path} was {changed[path]}" for path in unsound[:MOST_NAMED])
@@ -476,6 +476,14 @@ def _refuse_unsound(scene: Scene, folder: Path) -> Scene:
         frames = Ticks(scene.output.frames_per_second, max(reached.time, 0.0), is_done=reached.time >= 0.0)
         require_frames(folder / "usd", frames.index)
     return scene
+
+
+def _files_of(scene: Scene) -> str:
+    """What the files hold that a scene names, as one more field of its YAML: their digests by their paths."""
+    parts = [part for body in scene.bodies for part in (body.shape.mesh, body.motion) if part is not None]
+    paths = [Path(part.file) for part in parts if getattr(part, "file", None)]
+    known = {str(path): digest(path.read_bytes())[:12] if path.is_file() else "absent" for path in paths}
+    return yaml.safe_dump({"files": known}) if known else ""
 
 
 def _is_sound(path: str, scene: Scene) -> bool:

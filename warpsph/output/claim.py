@@ -55,7 +55,7 @@ class Mark:
     @classmethod
     def of(cls, scene: str, records: Iterable[str]) -> Mark:
         """The mark of a run of `scene`, its YAML."""
-        return cls(tuple(records), _digest(scene.encode()))
+        return cls(tuple(records), digest(scene.encode()))
 
     def write(self, folder: Path) -> None:
         """Mark `folder`: before anything else is written there, so that a kill leaves no folder that nobody owns."""
@@ -96,7 +96,7 @@ def refuse_foreign(folder: Path, overwrite: bool, scene_file: Path | None, recor
         if path.is_symlink():
             raise FolderError(f"{path}: is a link, and nothing is overwritten through one; choose another --out")
     scene = folder / "scene.yaml"
-    if scene.exists() and _digest(scene.read_bytes()) != mark.scene:
+    if scene.exists() and digest(scene.read_bytes()) != mark.scene:
         raise FolderError(f"{scene}: is not as the run wrote it; move it away, or choose another --out")
     for name in records:
         if os.path.lexists(folder / name) and name not in mark.records:
@@ -213,5 +213,6 @@ def read_json(path: Path) -> dict[str, Any]:
     return facts if isinstance(facts, dict) else {}
 
 
-def _digest(data: bytes) -> str:
+def digest(data: bytes) -> str:
+    """The SHA-256 of what a file holds, in hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()

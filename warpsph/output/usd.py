@@ -86,7 +86,7 @@ def require_frames(folder: Path, count: int) -> None:
     """Raise FileNotFoundError unless the first `count` frames of the cache in `folder` are there."""
     for path in (folder / "frames" / _frame_name(frame) for frame in range(count)):
         if not path.exists():
-            raise FileNotFoundError(errno.ENOENT, "the cache cannot be continued without this frame", str(path))
+            raise FileNotFoundError(errno.ENOENT, "this frame of the cache is missing", str(path))
 
 
 def _off_stage(stage: Usd.Stage, suffix: str) -> Sdf.Layer:

@@ -127,6 +127,10 @@ class Outputs:
         self.wait()
         if not self._is_open:
             self._open()
+        if self._cache is not None:  # whoever took frames away on the way is told
+            from warpsph.output.usd import require_frames
+
+            require_frames(self._folder / "usd", self._cache.frame_count)
         preview, scene = self._folder / "preview", self._scene
         if self._pictures is not None and self._frame:
             fps = scene.output.frames_per_second
