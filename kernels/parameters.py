@@ -8,6 +8,7 @@ class Parameters:
     """Constants of one model. Arrays have one entry for each fluid of the scene."""
 
     dimensions: int  # of space
+    particle_count: int  # slots from here on hold what stands behind the particles
     # smoothing
     smoothing_length: float  # h [m]
     inverse_h: float  # 1 / h [1/m]

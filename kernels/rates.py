@@ -28,6 +28,7 @@ class Formulas:
         fluid_count: How many fluids there are; 0 stands for any number.
         dimensions: Of space; in a plane nothing is done about y.
         neighbours: Where neighbours come from: `lists`, or the `cells` around.
+        walled: Whether dummy particles of walls stand behind the particles.
     """
 
     smoothing: str = "wendland_c2"
@@ -39,6 +40,7 @@ class Formulas:
     fluid_count: int = 0
     dimensions: int = 3
     neighbours: str = "lists"
+    walled: bool = False
 
 
 @wp.func
@@ -51,6 +53,18 @@ def fluid_of(fluid: wp.array[int], j: int, fluid_i: int) -> int:
 def same_fluid(fluid: wp.array[int], j: int, fluid_i: int) -> int:
     """The fluid of a neighbour where there is only one."""
     return fluid_i
+
+
+@wp.func
+def is_any(parameters: Parameters, j: int) -> bool:
+    """Whether a neighbour is of the fluid, where nothing but fluid is seen, be it through mirrors."""
+    return True
+
+
+@wp.func
+def is_no_dummy(parameters: Parameters, j: int) -> bool:
+    """Whether a neighbour is of the fluid, where the dummy particles of walls stand behind the particles."""
+    return j < parameters.particle_count
 
 
 @wp.func
@@ -114,6 +128,7 @@ def rates_kernel(
     load, packed = layout.load[formulas.dimensions], layout.packed
     its_fluid = same_fluid if formulas.fluid_count == 1 else fluid_of
     number_of = NUMBER_OF.get(formulas.fluid_count, looked_up)
+    is_particle = is_no_dummy if formulas.walled else is_any
     neighbours, one_by_one = formulas.neighbours, formulas.dimensions == 3 or not momentum
     by_list, by_cells = neighbours == "lists", neighbours == "cells"
     entry = layout.entry
@@ -147,6 +162,7 @@ def rates_kernel(
         fluid_i = fluid[i]
         x_i, y_i, z_i, V_i, u_i, v_i, w_i, p_i = load(position_volume, velocity_pressure, i)
         c_i, alpha_i = parameters.sound_speed[fluid_i], parameters.alpha[fluid_i]
+        wall_alpha_i = parameters.wall_alpha[fluid_i]
         rho_i, rho0_i = parameters.mass[fluid_i] / V_i, parameters.rest_density[fluid_i]
         g_x, g_y, g_z = parameters.hydrostatic[0], parameters.hydrostatic[1], parameters.hydrostatic[2]
 
@@ -183,14 +199,17 @@ def rates_kernel(
                 q = r * parameters.inverse_h
                 s = V_j * slope(q)
                 m_j_over_rhobar = 2.0 * m_j * V_j / (rho_i * V_j + m_j)
+                is_fluid = is_particle(parameters, j)
 
                 if wp.static(momentum):
-                    P = s * (p_i + p_j)
+                    # A wall does not hold on to fluid in tension.
+                    P = s * (wp.where(is_fluid, p_i, wp.max(p_i, 0.0)) + p_j)
                     pressure_x -= P * x
                     pressure_y -= P * y
                     pressure_z -= P * z
                     alpha = 0.5 * (alpha_i + number_of(parameters.alpha, fluid_j))
                     c = 0.5 * (c_i + number_of(parameters.sound_speed, fluid_j))
+                    alpha, c = wp.where(is_fluid, alpha, wall_alpha_i), wp.where(is_fluid, c, c_i)
                     Pi = m_j_over_rhobar * slope(q) * viscous(parameters, alpha, c, u_dot_x, r)
                     if wp.static(tensioned):
                         Pi += s / rho_i * tensile(parameters, p_i, p_j, shape(q))
@@ -203,6 +222,7 @@ def rates_kernel(
                         G_ij = 0.5 * (pressure_gradient[i] + pressure_gradient[j])
                         slope_ij = G_ij[0] * x + G_ij[1] * y + G_ij[2] * z
                     psi_ij = psi(p_i, p_j, rho0_i * (g_x * x + g_y * y + g_z * z), slope_ij)
+                    psi_ij = wp.where(is_fluid, psi_ij, 0.0)
                     diffused -= wp.where(fluid_i == fluid_j, s * psi_ij, 0.0)
                 if wp.static(plain):
                     divergence += s * u_dot_x
@@ -221,7 +241,7 @@ def rates_kernel(
                     L_xy -= s * (u * y + v * x)
                     L_yz -= s * (v * z + w * y)
                 if wp.static(xsph):
-                    weight = m_j_over_rhobar * shape(q)
+                    weight = wp.where(is_fluid, m_j_over_rhobar, 0.0) * shape(q)
                     smoothed_x -= weight * u
                     smoothed_y -= weight * v
                     smoothed_z -= weight * w

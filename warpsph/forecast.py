@@ -123,9 +123,11 @@ def _time_steps(simulation: Simulation) -> tuple[float, float]:
         batches.append((time.perf_counter() - start, step.neighbours.rebuilds - lists))
     start = time.perf_counter()
     for _ in range(3):
+        if simulation.bodies:
+            simulation.bodies.note_places()
         step.neighbours.rebuild()
         if simulation.bodies:
-            simulation.bodies.rebuild()
+            simulation.bodies.relist()
         step.neighbours.cells.start.numpy()  # a GPU has done it then
     list_seconds = (time.perf_counter() - start) / 3
     return float(np.median([(seconds - lists * list_seconds) / 5 for seconds, lists in batches])), list_seconds

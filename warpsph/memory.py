@@ -13,7 +13,8 @@ import warp as wp
 from warpsph.kernels.density import BY_GRADIENT
 from warpsph.kernels.neighbours import BLOCK_EDGE
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.model import box_of_cells, list_capacity, wall_radius
+from warpsph.model import box_of_cells, has_dummies, list_capacity, wall_radius
+from warpsph.placement.dummies import layer_count
 from warpsph.placement.images import find_edges
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
@@ -92,14 +93,15 @@ class Memory:
 def counts_of(scene: Scene, placement: Placement) -> Counts:
     """The counts of a scene that has been placed."""
     # Wall points stand back, and the first row of particles off the wall.
-    wet, reach, end = 0, (scene.wall_model.set_back + 0.51) * scene.spacing, 0
+    back = _layers(scene) if has_dummies(scene) else scene.wall_model.set_back
+    wet, reach, end = 0, (back + 0.51) * scene.spacing, 0
     boxes = []
     for count in placement.counts:
         mine = placement.position[end : end + count]
         end += count
         lower, upper = around(mine)
         boxes.append((lower - reach, upper + reach))
-    walls = placement.wall_position
+    walls = placement.dummies.position if has_dummies(scene) else placement.wall_position
     for begin in range(0, len(walls), BLOCK):
         some = walls[begin : begin + BLOCK]
         wet += np.count_nonzero(np.any([inside_box(some, *box) for box in boxes], axis=0))
@@ -133,6 +135,7 @@ def rough_counts(scene: Scene) -> Counts:
             corners.append(corner)
     corners += [corner for wall in walls for corner in _box_of(scene, wall)]
     points = sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1)
+    points *= _layers(scene) if has_dummies(scene) else 1.0
     return Counts(particles, points, 0.5 * points, 0.0, 0.0, (np.min(corners, axis=0), np.max(corners, axis=0)))
 
 
@@ -157,6 +160,11 @@ def _filled(scene: Scene, bed: Sheet | Crate, lower: Array, upper: Array) -> flo
 def memory_of(scene: Scene, counts: Counts, shared: bool) -> Memory:
     """What a run takes; `shared` says whether the device is the host."""
     return Memory(_arrays(scene, counts), _placing(scene, counts), _outputs(scene, counts), shared)
+
+
+def _layers(scene: Scene) -> int:
+    """Of dummy particles behind a wall."""
+    return layer_count(SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length, scene.spacing)
 
 
 def _list_radius(scene: Scene) -> float:
@@ -192,7 +200,8 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle * counts.particles
         + a_cell * math.prod(grid.count)
         + (4.0 * math.prod(grid.count) if scene.images else 0.0)
-        + 60.0 * counts.walls
+        + (200.0 if has_dummies(scene) else 60.0) * counts.walls
+        + (5.0 * math.prod(grid.count) if has_dummies(scene) else 0.0)
         + 4.0 * 1.25 * near * counts.wet
         + a_body * counts.bodies
         + 76.0 * 1.25 * counts.ghosts
@@ -201,7 +210,8 @@ def _arrays(scene: Scene, counts: Counts) -> float:
 
 def _in_cap(scene: Scene, radius: float) -> float:
     """Particles within `radius` [m] of a point that stands back behind a plane wall."""
-    reach, back = radius / scene.spacing, scene.wall_model.set_back
+    reach = radius / scene.spacing
+    back = 0.5 * _layers(scene) if has_dummies(scene) else scene.wall_model.set_back
     high = max(reach - back, 0.0)
     if scene.dimensions == 3:
         return math.pi * high**2 * (3.0 * reach - high) / 3.0

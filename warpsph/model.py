@@ -26,6 +26,8 @@ SKIN = 0.1
 # The same for wall points. They stand still, so that lists outlive some steps of flow along a wall only with a longer
 # reach; few particles pay for it in a plane, more in space, where walls are surfaces.
 WALL_SKIN = {2: 0.4, 3: 0.15}
+# How far bodies may move before their dummies are listed anew, in supports.
+BODY_SKIN = 0.2
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
 ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
@@ -53,6 +55,7 @@ class Model:
         wall_velocity: Theirs, 0 [m/s], shape [wall_count].
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count].
         wall_before, wall_after: From each point to its neighbours on the wall [m], 0 where it ends, shape [wall_count].
+        wall_volume: What each fills behind the wall, of dummy particles [m3, in 2-D m2], shape [wall_count].
         wall_start: Slots of the wall points of each cell, as in `Cells.start`.
         near_wall: Whether wall points may be on the list of a particle in a cell, shape [cell_count].
         wall_block: Whether there are wall points in a block of cells, shape [block_count].
@@ -75,6 +78,8 @@ class Model:
         self.skin = SKIN * self.support
         capacity, self.list_radius = list_capacity(scene)
         self.wall_skin = WALL_SKIN[scene.dimensions] * self.support
+        self.has_dummies = has_dummies(scene)
+        self.body_skin = body_skin(scene)
         self.wall_radius = wall_radius(scene)
         walls = len(placement.wall_position) > 0
 
@@ -88,11 +93,12 @@ class Model:
             fluid_count=len(scene.fluids),
             dimensions=scene.dimensions,
             neighbours=scene.neighbours,
+            walled=self.has_dummies,
         )
         self.parameters = self._parameters(scene, placement, materials, capacity)
         self.viscous = viscous(scene, device)
         self.sound_step = scene.run.courant * scene.smoothing_length / max(m.sound_speed for m in materials)
-        lower, upper = around(placement.wall_position, placement.position)
+        lower, upper = around(placement.wall_position, placement.dummies.position, placement.position)
         self.images, self.edges, self.seen_images = None, list[Edge](), list[Image]()
         if scene.images:
             self.edges, self.seen_images = find_images(scene, self.list_radius, *_with_room(scene, lower, upper, walls))
@@ -100,15 +106,20 @@ class Model:
         self.grid = box_of_cells(scene, lower, upper, walls, self.particle_count)
         # Lists are made anew before any particle has gone farther than this since it was listed [m].
         self.longest_motion = int(BLOCK_EDGE) / self.grid.inverse_edge - 0.5 * self.support
-        cells = Cells(self.grid, wp.array(placement.wall_position, dtype=wp.vec3, device=device), launcher)
+        points = placement.dummies.position if self.has_dummies else placement.wall_position
+        cells = Cells(self.grid, wp.array(points, dtype=wp.vec3, device=device), launcher)
         cells.sort()
-        order = cells.order.numpy()[: len(placement.wall_position)]
+        order = cells.order.numpy()[: len(points)]
 
         def vectors(values: np.ndarray) -> wp.array:
             return wp.array(values[order], dtype=wp.vec3, device=device)
 
-        self.wall_position, self.wall_normal = vectors(placement.wall_position), vectors(placement.wall_normal)
-        self.wall_before, self.wall_after = vectors(placement.wall_before), vectors(placement.wall_after)
+        self.wall_position = vectors(points)
+        ways = (placement.wall_normal, placement.wall_before, placement.wall_after)
+        if self.has_dummies:
+            self.wall_volume = wp.array(placement.dummies.volume[order], dtype=float, device=device)
+            ways, order = (np.empty((0, 3)),) * 3, order[:0]
+        self.wall_normal, self.wall_before, self.wall_after = map(vectors, ways)
         self.wall_velocity = wp.zeros_like(self.wall_position)
         self.wall_start = cells.start
         self.wall_block = wp.array(blocks_in_use(self.grid, cells.start.numpy()), dtype=int, device=device)
@@ -123,6 +134,7 @@ class Model:
 
         p = Parameters()
         p.dimensions = dimensions
+        p.particle_count = self.particle_count
         p.smoothing_length, p.inverse_h = h, 1.0 / h
         p.kernel_norm, p.gradient_norm = norm, norm / h**2
         p.inverse_shape_dx = 1.0 / float(kernel.shape(dx / h))
@@ -192,7 +204,18 @@ def list_capacity(scene: Scene) -> tuple[int, float]:
 def wall_radius(scene: Scene) -> float:
     """Within which wall points are listed [m]."""
     support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
-    return support + WALL_SKIN[scene.dimensions] * support
+    return support + WALL_SKIN[scene.dimensions] * support + body_skin(scene)
+
+
+def has_dummies(scene: Scene) -> bool:
+    """Whether walls are made of dummy particles."""
+    return scene.wall_model.force == "dummy_particles" and bool(scene.walls)
+
+
+def body_skin(scene: Scene) -> float:
+    """How far bodies may move before their dummies are listed anew [m]."""
+    support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+    return BODY_SKIN * support if has_dummies(scene) and scene.bodies else 0.0
 
 
 def _with_room(scene: Scene, lower: np.ndarray, upper: np.ndarray, walls: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -121,6 +121,8 @@ class State:
         self.wall_acceleration = zeros(wp.vec3)
         self.diffusion_rate = zeros(float)  # [kg/m3/s]
         self.wall_distance = zeros(float)  # [m]
+        if model.has_dummies:
+            self.wall_distance.fill_(np.inf)  # nothing but pressure holds fluid off them
         needs_gradient = model.formulas.diffusion in BY_GRADIENT
         self.pressure_gradient = zeros(wp.vec3, count if needs_gradient else 1)  # [Pa/m]
         has_rheology = model.viscous is not None and model.viscous.law is not None

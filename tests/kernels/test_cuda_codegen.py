@@ -16,11 +16,13 @@ import warpsph.kernels
 from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
+from warpsph.kernels.dummies import list_dummies_kernel, load_dummies_kernel, press_dummies_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.images import list_ghosts_kernel
 from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
+from warpsph.kernels.momentum import TENSILE
 from warpsph.kernels.neighbours import (
     copy_kernel,
     gather_kernel,
@@ -54,6 +56,7 @@ FORMULAS = [
     *(Formulas(smoothing=name, xsph=True, tensile_correction=True) for name in SMOOTHING),
     *(Formulas(viscosity=name, fluid_count=1, dimensions=2) for name in VISCOSITY),
     *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
+    *(Formulas(walled=True, diffusion="fourtakas", fluid_count=1, dimensions=dimensions) for dimensions in (2, 3)),
     *(Formulas(renormalised=True, dimensions=dimensions) for dimensions in (2, 3)),
     *(Formulas(neighbours="cells", fluid_count=count, dimensions=count) for count in (2, 3)),
 ]
@@ -63,6 +66,9 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     rates_kernel: [(formulas, CUDA_LAYOUT, *half) for formulas in FORMULAS for half in HALVES],
     list_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     list_ghosts_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
+    list_dummies_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
+    press_dummies_kernel: list(product(SMOOTHING, (2, 3))),
+    load_dummies_kernel: list(product(SMOOTHING, VISCOSITY, TENSILE)),
     pressure_gradient_kernel: [(name, CUDA_LAYOUT) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     body_points_kernel: [(True,), (False,)],

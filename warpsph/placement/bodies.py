@@ -29,6 +29,8 @@ from warpsph.bodies.body_set import (
 )
 from warpsph.bodies.facets import crate_facets, sheet_edges
 from warpsph.bodies.motion import Motion, read_table
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.placement.dummies import dummies_of_box, dummies_of_outline, layer_count
 from warpsph.scene.bodies import Body as BodyField
 from warpsph.scene.bodies import BodyMotion
 from warpsph.scene.scene import Scene
@@ -171,8 +173,11 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
             outline = counter_clockwise(_outline(scene, path, body.shape).moved(at, angle))
             centre = None if body.centre is None else turned([body.centre], angle)[0] + at
             mass = plane_mass(outline, **given, centre=centre, inertia=body.inertia)
-            surface = surface_of_outline(_stood_back(outline, set_back), scene.wall_spacing)
-            surface = _with_spines(surface, outline, set_back, scene.wall_spacing)
+            if scene.wall_model.force == "dummy_particles":
+                surface = _filled(*dummies_of_outline(outline, scene.spacing, _support(scene)))
+            else:
+                surface = surface_of_outline(_stood_back(outline, set_back), scene.wall_spacing)
+                surface = _with_spines(surface, outline, set_back, scene.wall_spacing)
             drawn, mesh, ball, samples = Sheet(outline), None, None, in_space(outline.sample(scene.wall_spacing)[0])
         else:
             outline, drawn = None, None
@@ -183,6 +188,8 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
             given |= {"centre": centre, "inertia": inertia}
             mass = ball_mass(*ball, **given) if ball else solid_mass(mesh, **given)
             surface, samples = _surface(scene, body.shape, mesh, ball, turn, at, set_back)
+            if scene.wall_model.force == "dummy_particles":
+                surface = _dummies_in_space(scene, body.shape, mesh, ball, turn, at)
         free_shift, free_turn = _freedom(scene, body)
         return Solid(
             Body(
@@ -209,6 +216,37 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
     except ValueError as error:
         counted = f" (counted from {scene.spot((0.0, 0.0, 0.0))})" if any(scene.origin) else ""
         raise scene.error(f"{path}.shape", f"{error}{counted}") from None
+
+
+def _support(scene: Scene) -> float:
+    """Of the smoothing kernel [m]."""
+    return SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+
+
+def _filled(points: Array, volumes: Array) -> Surface:
+    """Dummy particles as points of a surface: each has its volume for a share, and no normal."""
+    nothing = np.zeros_like(points)
+    return Surface(points, nothing, volumes, nothing, nothing)
+
+
+def _dummies_in_space(
+    scene: Scene, shape: SolidField, mesh: Mesh, ball: tuple[Array, float] | None, turn: Array, at: Array
+) -> Surface:
+    """Dummies inside a shape: the lattice of a box, else layers inside of its surface."""
+    dx, reach = scene.spacing, _support(scene)
+    if shape.box:
+        points, volumes = dummies_of_box(np.array(shape.box.min), np.array(shape.box.max), dx, reach)
+        return _filled(points @ turn.T + at, volumes)
+    layers = []
+    for k in range(layer_count(reach, dx)):
+        depth = (k + 0.5) * dx
+        if ball is not None and ball[1] <= depth:
+            break
+        inner = stood_back(mesh, depth) if ball is None else sphere_mesh(ball[0], ball[1] - depth)
+        layers.append(surface_of_mesh(inner, dx))
+    return _filled(
+        np.concatenate([layer.points for layer in layers]), dx * np.concatenate([layer.shares for layer in layers])
+    )
 
 
 def _outline(scene: Scene, path: str, shape: SolidField) -> Outline:

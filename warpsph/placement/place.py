@@ -10,18 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
+from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.images import Edge, find_edges, find_images
 from warpsph.placement.origin import localised
 from warpsph.scene.fluids import Fluid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
+from warpsph.shapes.points import near
 from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box, solid, wall_surface
 
 Wall = Sheet | Crate
@@ -35,49 +36,6 @@ MOST_POINTS = 100_000_000
 
 
 # ------------------------------------------------------------------------------------------------------------- lattices
-
-
-def near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
-    """Whether each of `points` [n, 3] is closer than `reach` [m] to any of `others` [k, 3], shape [n]."""
-    found = np.zeros(len(points), dtype=bool)
-    if not len(points) or not len(others):
-        return found
-    # Only where the boxes around both overlap can there be any.
-    low, high = around(others)
-    candidates = np.flatnonzero(inside_box(points, low - reach, high + reach))
-    low, high = around(points)
-    others = others[inside_box(others, low - reach, high + reach)]
-    for some in np.split(candidates, range(BLOCK, len(candidates), BLOCK)):
-        if len(some):
-            chosen = points[some]
-            low, high = around(chosen)
-            found[some] = _near(chosen, others[inside_box(others, low - reach, high + reach)], reach)
-    return found
-
-
-def _near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
-    """The same, all at once."""
-    found = np.zeros(len(points), dtype=bool)
-    if not len(others):
-        return found
-    # Cells of edge `reach` numbered row by row with a margin of one, so that a neighbour is never a wrap-around.
-    low = np.minimum(points.min(axis=0), others.min(axis=0))
-    cell = np.floor((points - low) / reach).astype(np.int64) + 1
-    other_cell = np.floor((others - low) / reach).astype(np.int64) + 1
-    _, *rows = np.maximum(cell.max(axis=0), other_cell.max(axis=0)) + 2
-    weight = np.array([math.prod(rows[axis:]) for axis in range(len(rows) + 1)])
-    other_key = other_cell @ weight
-    order = np.argsort(other_key, kind="stable")
-    other_key, others = other_key[order], others[order]
-    for step in product((-1, 0, 1), repeat=len(weight)):
-        key = (cell + step) @ weight
-        first = np.searchsorted(other_key, key, side="left")
-        count = np.searchsorted(other_key, key, side="right") - first
-        for k in range(count.max()):
-            rows = np.flatnonzero((count > k) & ~found)
-            gap = points[rows] - others[first[rows] + k]
-            found[rows] = np.einsum("ij,ij->i", gap, gap) < reach**2
-    return found
 
 
 def _cell_centres(scene: Scene, path: str, low: Array, high: Array) -> Iterator[Array]:
@@ -247,6 +205,7 @@ class Placement:
         wall_before, wall_after: From each wall point to its neighbours on an outline [m], 0 where it ends, and
             everywhere in a 3-D scene, shape [wall_count, 3].
         wall_area: Area of wall that each point stands for [m2, in 2-D a length in m], shape [wall_count].
+        dummies: Of the walls, where these are made of dummy particles; none elsewhere.
         sides: Side of each wall on which the fluid is, as `wet_side`.
         solids: The bodies in their places.
         ground: Height of the lowest point of the walls as drawn, or of the fluid where there are no walls [m].
@@ -263,6 +222,7 @@ class Placement:
     wall_before: Array
     wall_after: Array
     wall_area: Array
+    dummies: Dummies
     sides: tuple[int, ...]
     solids: tuple[Solid, ...]
     ground: float
@@ -360,6 +320,10 @@ def place(scene: Scene) -> Placement:
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)
+    dummies = NO_DUMMIES
+    if scene.wall_model.force == "dummy_particles":
+        reach = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
+        dummies = place_dummies(scene, walls, sides, position, reach)
     ground = min((float(points[:, 2].min()) for points in drawn), default=float(position[:, 2].min()))
     warnings += _doubts(scene, position, counts, drawn, edges)
     del drawn
@@ -380,6 +344,7 @@ def place(scene: Scene) -> Placement:
         wall_before=_joined(before),
         wall_after=_joined(after),
         wall_area=_joined(areas, (0,)),
+        dummies=dummies,
         sides=tuple(sides),
         solids=tuple(solids),
         ground=ground - (0.0 if walls or not edges else 0.5 * scene.spacing),

@@ -61,14 +61,17 @@ _WALL_LAWS: Mapping[str, Mapping[str, float]] = {
     "lennard_jones": {"set_back": 0.3},
     "monaghan_kos": {"set_back": 0.8},
     "monaghan_kos_issa": {"strength": 0.02, "set_back": 1.35},
+    "dummy_particles": {"refinement": 1.0, "set_back": 0.0},
 }
 
 
 class WallModel(Part):
     """How walls push fluid away."""
 
-    force: Literal["radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa"] = Field(
-        "radial", description="Law of the wall force [-]; radial is that of Monaghan and Kajtar."
+    force: Literal["radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa", "dummy_particles"] = Field(
+        "radial",
+        description="Law of the wall force [-]; radial is that of Monaghan and Kajtar. dummy_particles stand in layers "
+        "behind the wall with the pressure of the fluid before it (Adami, Hu & Adams 2012); nothing is to be tuned.",
     )
     refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
         3.0, description="Particle spacing over the spacing of wall points, beta [-]."
@@ -91,6 +94,14 @@ class WallModel(Part):
     def _suit_the_law(cls, data: Any) -> Any:
         law = data.get("force") if isinstance(data, dict) else None
         return _WALL_LAWS[law] | data if isinstance(law, str) and law in _WALL_LAWS else data
+
+    @model_validator(mode="after")
+    def _dummies_need_no_tuning(self) -> WallModel:
+        suits = {"strength": 0.01, **_WALL_LAWS["dummy_particles"]}
+        for name, value in suits.items() if self.force == "dummy_particles" else ():
+            if getattr(self, name) != value:
+                raise fault("means nothing to dummy_particles, which have nothing to tune", name)
+        return self
 
     @model_validator(mode="after")
     def _approach_has_a_law(self) -> WallModel:

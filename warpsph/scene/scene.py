@@ -239,6 +239,7 @@ def wants_lists(scene: Scene) -> list[str]:
     """What of a scene cannot do with the cells around: pair loops beside those of pressure and density."""
     needs = {
         "antuono's diffusion of density": scene.density_diffusion.model == "antuono",
+        "walls of dummy particles": bool(scene.walls) and scene.wall_model.force == "dummy_particles",
         "images": scene.images,
         "the materials' own viscosity": any(material.laminar for material in scene.materials.values()),
         "shifting": scene.shifting.model != "none",
@@ -252,6 +253,7 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
         law = scene.wall_model.force
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
+    yield from _strange_to_dummies(scene)
     if scene.neighbours == "cells":
         yield from (("neighbours", f"lists are needed for {name}") for name in wants_lists(scene))
     flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
@@ -285,6 +287,27 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
         yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
     if scene.bodies and scene.run.integrator == "predictor_corrector":
         yield "run.integrator", "predictor_corrector does not move bodies; take verlet or runge_kutta"
+
+
+def _strange_to_dummies(scene: Scene) -> Iterator[tuple[str, str]]:
+    """(path, message) for whatever does not know walls of dummy particles yet."""
+    if scene.wall_model.force != "dummy_particles":
+        return
+    if scene.bodies and not scene.walls:
+        yield "bodies", "dummy_particles need a wall too; take another wall_model.force"
+    if not scene.walls:
+        return
+    strange = {
+        "images": bool(scene.images),
+        "density_diffusion.model": scene.density_diffusion.model == "antuono",
+        "density_filter.model": scene.density_filter.model != "none",
+        "shifting.model": scene.shifting.model != "none",
+    }
+    for name, material in scene.materials.items():
+        strange[f"materials.{name}"] = bool(material.laminar)
+    for path, is_there in strange.items():
+        if is_there:
+            yield path, "walls of dummy particles do not know this yet; take another wall_model.force"
 
 
 def _yielding(scene: Scene) -> dict[str, Rheology]:

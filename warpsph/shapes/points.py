@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,3 +58,46 @@ def inside_box(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     for x, a, b in zip(points.T, low, high, strict=True):
         inside &= (x > a) & (x < b)
     return inside
+
+
+def near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
+    """Whether each of `points` [n, 3] is closer than `reach` [m] to any of `others` [k, 3], shape [n]."""
+    found = np.zeros(len(points), dtype=bool)
+    if not len(points) or not len(others):
+        return found
+    # Only where the boxes around both overlap can there be any.
+    low, high = around(others)
+    candidates = np.flatnonzero(inside_box(points, low - reach, high + reach))
+    low, high = around(points)
+    others = others[inside_box(others, low - reach, high + reach)]
+    for some in np.split(candidates, range(BLOCK, len(candidates), BLOCK)):
+        if len(some):
+            chosen = points[some]
+            low, high = around(chosen)
+            found[some] = _near(chosen, others[inside_box(others, low - reach, high + reach)], reach)
+    return found
+
+
+def _near(points: Array, others: Array, reach: float) -> NDArray[np.bool_]:
+    """The same, all at once."""
+    found = np.zeros(len(points), dtype=bool)
+    if not len(others):
+        return found
+    # Cells of edge `reach` numbered row by row with a margin of one, so that a neighbour is never a wrap-around.
+    low = np.minimum(points.min(axis=0), others.min(axis=0))
+    cell = np.floor((points - low) / reach).astype(np.int64) + 1
+    other_cell = np.floor((others - low) / reach).astype(np.int64) + 1
+    _, *rows = np.maximum(cell.max(axis=0), other_cell.max(axis=0)) + 2
+    weight = np.array([math.prod(rows[axis:]) for axis in range(len(rows) + 1)])
+    other_key = other_cell @ weight
+    order = np.argsort(other_key, kind="stable")
+    other_key, others = other_key[order], others[order]
+    for step in product((-1, 0, 1), repeat=len(weight)):
+        key = (cell + step) @ weight
+        first = np.searchsorted(other_key, key, side="left")
+        count = np.searchsorted(other_key, key, side="right") - first
+        for k in range(count.max()):
+            rows = np.flatnonzero((count > k) & ~found)
+            gap = points[rows] - others[first[rows] + k]
+            found[rows] = np.einsum("ij,ij->i", gap, gap) < reach**2
+    return found

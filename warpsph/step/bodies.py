@@ -41,7 +41,7 @@ class Coupling:
 
     # All that a checkpoint keeps of bodies.
     KEPT = ("position", "orientation", "velocity", "spin", "_impulse", "_last_key", "_last_count")
-    LISTED = ("listed_position", "listed_orientation", "listed_point")
+    LISTED = ("listed_position", "listed_orientation", "listed_point", "last_velocity")
 
     def __init__(self, model: Model, state: State, start: Start) -> None:
         scene, launcher = model.scene, model.launcher
@@ -65,7 +65,9 @@ class Coupling:
 
         # A law that goes by legs reaches as far beyond its support as a point's leg.
         self._reach = max(model.support + scene.wall_spacing, model.list_radius)
-        self._most_motion = MOST_MOTION * model.support
+        # The lists of dummies reach less far, and need to know less far ahead.
+        self._most_step = (0.5 if model.has_dummies else 1.0) * MOST_STEP * scene.smoothing_length
+        self._most_motion = model.body_skin if model.has_dummies else MOST_MOTION * model.support
         self._radius = self._reach + model.longest_motion + self._most_motion
         firsts = np.concatenate([[0], np.cumsum([0, *(len(s.body.surface.points) for s in start.solids)])])
         reach = [0.0, *(_farthest(s.body.surface.points - s.body.mass.centre) for s in start.solids)]
@@ -80,6 +82,7 @@ class Coupling:
         self.list = wp.zeros(1024, dtype=int, device=device)
         self.listed_position, self.listed_orientation = wp.clone(b.position), wp.clone(b.orientation)
         self.listed_point = wp.clone(b.point_position)
+        self.last_velocity = wp.clone(b.point_velocity)  # of the points, when dummies were last pressed [m/s]
         self._record()
 
     def kept(self) -> dict[str, wp.array]:
@@ -100,21 +103,23 @@ class Coupling:
             for listing in (False, True)
         )
 
-    def rebuild(self) -> bool:
-        """List the points of bodies where these and the particles are now; those have been sorted. As `relist`."""
+    def note_places(self) -> None:
+        """Note where bodies are: there their points are listed next."""
         for listed, now in (
             (self.listed_position, self.set.position),
             (self.listed_orientation, self.set.orientation),
             (self.listed_point, self.set.point_position),
         ):
             wp.copy(listed, now)
-        return self.relist()
 
     def relist(self) -> bool:
         """List the points of bodies where they were listed last.
 
-        Returns True when the list had to grow: launches that were bound to the old one must be recorded again.
+        Returns True when the list had to grow: launches that were bound to the old one must be recorded again. Dummy
+        particles are on the lists of neighbours instead.
         """
+        if self.model.has_dummies:
+            return False
         self._count_points()
         wp.utils.array_scan(self._count, self.first, inclusive=False)
         total = int(self.first[self.model.particle_count :].numpy()[0])
@@ -171,7 +176,7 @@ class Coupling:
             loads.watch_bodies,
             1,
             [
-                *(b.count, MOST_STEP * m.scene.smoothing_length, self._most_motion, self._swept),
+                *(b.count, self._most_step, self._most_motion, self._swept),
                 *(b.position, b.orientation, b.velocity, b.spin, self.listed_position, self.listed_orientation),
                 *(s.block_dt_limit[s.block_count :], s.block_strain[s.strain_block_count :]),
             ],

@@ -10,6 +10,8 @@ from warpsph.device.launch import Launch, alias
 from warpsph.kernels import neighbours as kernels
 from warpsph.model import Model
 from warpsph.state import State
+from warpsph.step.bodies import Coupling
+from warpsph.step.dummies import Dummies
 from warpsph.step.ghosts import Ghosts
 
 
@@ -21,11 +23,12 @@ class Neighbours:
         are_listed: Whether there are lists of neighbours; if not, pair loops walk the cells.
         count, list: Neighbours of i are entries k < count[i] of its row, list[i, k] on a CPU and list[k, i] on a GPU.
         ghosts: What is seen through images; None where there are none.
+        dummies: The dummy particles of walls; None where walls are made of points.
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
         rebuilds: How often the lists were built.
     """
 
-    def __init__(self, model: Model, state: State) -> None:
+    def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self.model, self.state = model, state
         device, count = model.launcher.device, model.particle_count
         # The accelerations are of the last step, and lists are made before the next.
@@ -42,6 +45,7 @@ class Neighbours:
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
         self.ghosts = Ghosts(model, state, self.cells, self.count) if model.images else None
+        self.dummies = Dummies(model, state, self.cells, bodies) if model.has_dummies else None
         self._record()
         self._permute = self._record_permutation()
 
@@ -65,6 +69,8 @@ class Neighbours:
         walls = [*near, self.wall_first, self.wall_first, self.wall_list]
         count_walls = record(kernels.wall_points_kernel(listing=False), count, walls)
         self._look_around = model.launcher.chain(self._list, count_walls) if self.are_listed else count_walls
+        if self.dummies:
+            self._look_around = self._list
         self._list_walls = record(kernels.wall_points_kernel(listing=True), count, walls)
 
     def _record_permutation(self) -> Callable[[], None]:
@@ -104,9 +110,14 @@ class Neighbours:
         self._look_around()
         if self.ghosts:
             self.ghosts.append(self.list, self._too_long)
-        wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
-        grown = self._grow() or has_more_ghosts
-        self._list_walls()
+        if self.dummies:
+            self.dummies.sort()
+            self.dummies.append(self.count, self.list, self._too_long)
+            grown = self.dummies.find() | self._grow()
+        else:
+            wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
+            grown = self._grow() or has_more_ghosts
+            self._list_walls()
         self.state.stale.zero_()
         self.rebuilds += 1
         return grown
@@ -134,5 +145,7 @@ class Neighbours:
             self._list()
             if self.ghosts:
                 self.ghosts.append(self.list, self._too_long)
+            if self.dummies:
+                self.dummies.append(self.count, self.list, self._too_long)
             is_too_long, grown = int(model.launcher.read(self._asked)[0]), True
         return grown

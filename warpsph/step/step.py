@@ -35,7 +35,7 @@ class Step:
 
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self.model, self.state, self.bodies = model, state, bodies
-        self.neighbours = Neighbours(model, state)
+        self.neighbours = Neighbours(model, state, bodies)
         self.viscosity = Viscosity(model, state, self.neighbours) if model.viscous else None
         self.integrator = INTEGRATORS[model.scene.run.integrator]
         self.evaluations, self.sweeps = self.integrator.evaluations, self.integrator.sweeps
@@ -106,8 +106,10 @@ class Step:
         self._aim()
 
     def _rebuild(self) -> bool:
+        if self.bodies:
+            self.bodies.note_places()
         grown = self.neighbours.rebuild()
-        return self.bodies.rebuild() or grown if self.bodies else grown
+        return self.bodies.relist() or grown if self.bodies else grown
 
     def _bind(self, grown: bool) -> None:
         if grown:
@@ -142,16 +144,18 @@ class Step:
             **self._move_ghosts(),  # as mirrors and periodic edges show the particles now
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),  # and the points of their surfaces
             **self._filter(),
+            **self._press_walls(),  # the fluid's pressure, carried on into walls that are dummy particles
             **self._gradients(),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
             "pair loop: forces, walls": launcher.chain(
                 self._sweep(continuity=False), *self._walls(), *self._prepare_viscosity()
             ),
             **self._viscosity(),  # the materials' own
-            **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),  # the reaction
+            **self._take_loads(),
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
             **self._move_ghosts(" at the end"),
+            **self._show_walls(),
             **self._cover(),
             # Continuity, XSPH and shifting; density to n+1; how far particles have moved, the extremes of each block.
             "pair loop: continuity, density, watch": launcher.chain(
@@ -166,29 +170,31 @@ class Step:
         Bodies drift, kick, drift: of the rates in the middle of a step, those of runge_kutta, they have the reaction.
         """
         launcher, bodies = self.model.launcher, self.bodies
+        reach = integrators.REACH[self.model.scene.run.integrator]
         return {
             "pressure": self._launch_pack(),
             **self._move_ghosts(),
             **self._filter(),
-            **self._evaluation(share=integrators.REACH[self.model.scene.run.integrator]),
+            **self._evaluation(share=reach, weight=1.0 - 0.5 / reach),
             "predict": self._predict(),
             **self._move_ghosts(" ahead"),
             **({"drift of bodies": bodies.drift_half()} if bodies else {}),
-            **self._evaluation(" ahead"),
-            **({"loads on bodies": bodies.take_loads(self.neighbours.cells)} if bodies else {}),
+            **self._evaluation(" ahead", weight=0.5 / reach),
+            **self._take_loads(),
             "correct": self._correct(),  # everything to n+1, work, limits of the next step
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
             "watch": launcher.chain(self._bound_motion(), self._watch()),
             **self._end(),
         }
 
-    def _evaluation(self, where: str = "", share: float = 1.0) -> dict[str, Stage]:
+    def _evaluation(self, where: str = "", share: float = 1.0, weight: float = 1.0) -> dict[str, Stage]:
         """All rates, and XSPH, in one sweep; `where` tells it from another of the same step.
 
-        The velocity moves on from here by a `share` of the step.
+        The velocity moves on from here by a `share` of the step, in which these rates have a `weight`.
         """
         sweeps = [self._sweep(), *self._shifting(), *self._walls(), *self._prepare_viscosity()]
         stages = {
+            **self._press_walls(weight),
             **self._gradients(),
             **self._cover(),
             "pair loop: rates, walls": self.model.launcher.chain(*sweeps),
@@ -235,6 +241,22 @@ class Step:
 
     def _move_ghosts(self, where: str = "") -> dict[str, Stage]:
         return {f"ghosts{where}": self.neighbours.ghosts.move} if self.neighbours.ghosts else {}
+
+    def _press_walls(self, weight: float = 1.0) -> dict[str, Stage]:
+        dummies = self.neighbours.dummies
+        return {"walls": dummies.press, "work of walls": dummies.book(weight)} if dummies else {}
+
+    def _show_walls(self) -> dict[str, Stage]:
+        """Walls that move with bodies, as pair loops find them at the end of the step."""
+        dummies = self.neighbours.dummies
+        return {"walls at the end": dummies.show} if dummies and self.bodies else {}
+
+    def _take_loads(self) -> dict[str, Stage]:
+        """The reaction of the fluid on bodies."""
+        if not self.bodies:
+            return {}
+        dummies = self.neighbours.dummies
+        return {"loads on bodies": dummies.take_loads() if dummies else self.bodies.take_loads(self.neighbours.cells)}
 
     def _prepare_viscosity(self) -> list[Launch]:
         return self.viscosity.prepare() if self.viscosity else []
@@ -295,6 +317,8 @@ class Step:
 
     def _walls(self) -> list[Launch]:
         s, m, n = self.state, self.model, self.neighbours
+        if n.dummies:
+            return []
         at_rest = self._launch(
             walls.wall_acceleration_kernel(
                 m.scene.wall_model.force, m.scene.smoothing.kernel, dimensions=m.scene.dimensions
@@ -367,7 +391,7 @@ class Step:
 
     def _compare_motion(self) -> Launch:
         s, m = self.state, self.model
-        walls = [m.skin, m.wall_skin, m.support, m.wall_block]
+        walls = [m.skin, m.wall_skin, m.support + m.body_skin, m.wall_block]
         bounds = [m.grid, *walls, s.motion_lower, s.motion_upper, s.strain]
         return m.launcher.record(neighbours.compare_motion, s.cell_block_count, bounds)
 
