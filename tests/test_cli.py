@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import warpsph
-from warpsph.cli import BLOWN_UP, INPUT, INVALID, OK, SCENES, main
+from warpsph.cli import BLOWN_UP, INPUT, INVALID, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
 from warpsph.scene.scene import load_scene
@@ -76,7 +76,7 @@ def test_stop_file_ends_a_run(tmp_path):
     with subprocess.Popen(command, cwd=SCENES.parent, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         _wait_for(lambda: (folder / "usd" / "frames" / "fluid.00001.usdc").exists(), process)
         (folder / "STOP").touch()
-        assert process.wait(30) == OK
+        assert process.wait(30) == STOPPED_EARLY
     assert json.loads((folder / "run.json").read_text())["outcome"] == "stopped"
 
 

@@ -1,11 +1,14 @@
 """The command line: what a user types, and the exit code of whatever happens.
 
-0 done; 1 a validation failed; 2 the user's input; 3 the physics blew up; 4 the machine (disk, memory, device).
+0 done; 1 a validation failed; 2 the user's input; 3 the physics blew up; 4 the machine (disk, memory, device);
+5 stopped before the end (a STOP file, run.max_steps, Ctrl-C, a signal): `resume` goes on.
 """
 
 import argparse
+import contextlib
 import json
 import logging
+import os
 import re
 import sys
 import time
@@ -16,10 +19,11 @@ from typing import Any
 import warpsph
 from warpsph.device.launch import DeviceError
 from warpsph.output.checkpoint import CheckpointError
+from warpsph.output.progress import tell
 from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
 from warpsph.scene.source import nearest
 
-OK, INVALID, INPUT, BLOWN_UP, MACHINE = 0, 1, 2, 3, 4
+OK, INVALID, INPUT, BLOWN_UP, MACHINE, STOPPED_EARLY = 0, 1, 2, 3, 4, 5
 
 _PACKAGE = Path(__file__).parent
 # Beside the package in a wheel, beside its folder in a checkout.
@@ -32,18 +36,24 @@ class _InputError(Exception):
 
 def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
     """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
-    from warpsph.memory import NoRoomError  # the heavy imports come only once the words are understood
-    from warpsph.run import FolderError
-
+    _open_closed_streams()
     options = _parser().parse_args(arguments)
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()
     try:
+        return _run_command(options)
+    except KeyboardInterrupt:
+        return _complain("stopped from the keyboard", STOPPED_EARLY)
+
+
+def _run_command(options: argparse.Namespace) -> int:
+    from warpsph.memory import NoRoomError  # the heavy imports come only once the words are understood
+    from warpsph.output.claim import FolderError
+
+    try:
         return options.command(options)
     except (SceneError, FolderError, CheckpointError, DeviceError, _InputError) as error:
         return _complain(str(error), INPUT)
-    except KeyboardInterrupt:
-        return _complain("stopped from the keyboard", MACHINE)
     except NoRoomError as error:
         return _complain(str(error), MACHINE)
     except (MemoryError, RuntimeError) as error:
@@ -115,8 +125,33 @@ def _positive(text: str) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    print(message, file=sys.stderr)
+    tell(f"{message}\n", sys.stderr)
     return code
+
+
+def _open_closed_streams() -> None:
+    """Lead streams that were closed before the program began nowhere: else a file of the run takes their number."""
+    if sys.stdout is not None and sys.stderr is not None:
+        return
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    sys.stdout = sys.stdout or open(1, "w", closefd=False)  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)  # noqa: SIM115
+
+
+def _print(text: object) -> None:
+    tell(f"{text}\n", sys.stdout)
+
+
+class _Terminal(logging.Handler):
+    """Warnings on the standard error, for as long as anyone reads it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one line."""
+        tell(f"{self.format(record)}\n", sys.stderr)
 
 
 def _log_to_terminal() -> None:
@@ -125,7 +160,7 @@ def _log_to_terminal() -> None:
     log.propagate = False
     for old in list(log.handlers):
         log.removeHandler(old)
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _Terminal()
     handler.setLevel(logging.WARNING)
     handler.setFormatter(logging.Formatter("warning: %(message)s"))
     log.addHandler(handler)
@@ -173,6 +208,7 @@ def _scene(options: argparse.Namespace) -> int:
         threads=options.threads,
         overwrite=options.overwrite,
         began=options.began,
+        scene_file=options.file,
     )
     return _finish(run)
 
@@ -190,12 +226,14 @@ def _resume(options: argparse.Namespace) -> int:
 
 
 def _finish(run: Any) -> int:
-    from warpsph.run import BLEW_UP
+    from warpsph.run import BLEW_UP, STOPPED
 
     facts = run.execute()
-    print(summary(facts, run.folder))
+    _print(summary(facts, run.folder))
     if facts["outcome"] == BLEW_UP:
         return _complain(f"blew up: {facts['why']}", BLOWN_UP)
+    if facts["outcome"] == STOPPED:
+        return _complain(f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY)
     return OK
 
 
@@ -250,27 +288,27 @@ def _check(options: argparse.Namespace) -> int:
     launcher = Launcher(options.device, options.threads)
     facts = forecast(scene, launcher)
     seconds = facts.steps * facts.step_seconds
-    print(f"{scene.title}")
+    _print(f"{scene.title}")
     for name, count in facts.counts.items():
-        print(f"  {name:<15} {count:,} particles")
-    print(f"  wall points     {facts.wall_count:,}")
+        _print(f"  {name:<15} {count:,} particles")
+    _print(f"  wall points     {facts.wall_count:,}")
     if facts.body_points:
-        print(f"  body points     {facts.body_points:,}")
+        _print(f"  body points     {facts.body_points:,}")
     memory, a_particle = facts.memory, facts.memory.arrays / facts.particle_count
     arrays = f"{memory.arrays / 1e6:,.1f} MB of arrays ({a_particle:.0f} bytes a particle)"
     if memory.shared:
-        print(f"  memory          {memory.host / 1e6:,.0f} MB at most, with {arrays}")
+        _print(f"  memory          {memory.host / 1e6:,.0f} MB at most, with {arrays}")
     else:
-        print(f"  memory          {arrays} on the device, {memory.host / 1e6:,.0f} MB at most on the host")
+        _print(f"  memory          {arrays} on the device, {memory.host / 1e6:,.0f} MB at most on the host")
     for name, (own, artificial) in facts.viscosities.items():
-        print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
+        _print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
     if facts.viscous_stages:
-        print(f"  viscous sweeps  {facts.viscous_stages} a step")
-    print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
+        _print(f"  viscous sweeps  {facts.viscous_stages} a step")
+    _print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
     by = f"{launcher.threads} thread(s), by the first steps and a coarse rehearsal"
-    print(f"  time            about {_duration(seconds)} on {by}; output not counted")
+    _print(f"  time            about {_duration(seconds)} on {by}; output not counted")
     for warning in facts.warnings:
-        print(f"  warning: {warning}")
+        _print(f"  warning: {warning}")
     return OK
 
 
@@ -284,9 +322,9 @@ def _check_cache(options: argparse.Namespace) -> int:
         raise _InputError(f"{options.file}: this run has no USD cache")
     problems = check_cache(folder)
     for problem in problems:
-        print(problem)
+        _print(problem)
     if not problems:
-        print(f"{folder}: sound, {len(list((folder / 'frames').glob('*.usdc')))} frames")
+        _print(f"{folder}: sound, {len(list((folder / 'frames').glob('*.usdc')))} frames")
     return INVALID if problems else OK
 
 
@@ -304,34 +342,41 @@ def _validate(options: argparse.Namespace) -> int:
         raise _InputError(f"no validation case named '{unknown[0]}'; there are: {', '.join(CASES)}")
     if options.list:
         for name, case in CASES.items():
-            print(f"{name:<20} {case.title}")
+            _print(f"{name:<20} {case.title}")
         return OK
+    if options.json:
+        options.json.open("a").close()  # a path that cannot be written to is told now, not after hours
     results = []
     for name in options.cases or CASES:
-        print(f"running {name} ...", file=sys.stderr, flush=True)
+        tell(f"running {name} ...\n", sys.stderr)
         results += run_case(name, SCENES, options.out, device=options.device, threads=options.threads)
-    print_table(results)
     if options.json:
         options.json.write_text(json.dumps(as_dicts(results), indent=2) + "\n", encoding="utf-8")
+    with contextlib.suppress(BrokenPipeError):  # whoever read the table has gone
+        print_table(results)
+        sys.stdout.flush()
     return OK if all(result.passed for result in results) else INVALID
 
 
 def _report(options: argparse.Namespace) -> int:
-    from warpsph.output.report import write_report
+    from warpsph.output.report import ReportError, write_report
 
     if not (options.run / "run.json").exists():
         raise _InputError(f"{options.run}: not a finished run (it has no run.json)")
-    print(write_report(options.run))
+    try:
+        _print(write_report(options.run))
+    except ReportError as error:
+        return _complain(str(error), INPUT)
     return OK
 
 
 def _list(options: argparse.Namespace) -> int:
     for path in sorted(SCENES.glob("*.yaml")):
-        print(f"{path.stem:<18} {load_scene(path).title}")
-    print(f"in {SCENES}")
+        _print(f"{path.stem:<18} {load_scene(path).title}")
+    _print(f"in {SCENES}")
     return OK
 
 
 def _schema(options: argparse.Namespace) -> int:
-    print(json.dumps(json_schema(), indent=2))
+    _print(json.dumps(json_schema(), indent=2))
     return OK

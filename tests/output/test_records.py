@@ -1,5 +1,7 @@
 """Records: what is written is read back, a resumed record goes on without a seam, and crests are found."""
 
+import logging
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,35 @@ def test_crest_without_enough_around_it_is_the_highest_sample(level):
     time, level = np.arange(4.0), np.array(level)
     top = np.argmax(level)
     assert find_crest(time, level) == (level[top] - level[0], time[top])
+
+
+@pytest.mark.parametrize("cut", ["0.2", "0.200000,", "0.200000,1.0,-2", "0.200000,x,y\n"])
+def test_a_cut_row_is_dropped_and_told(path, cut, caplog, monkeypatch):
+    """A kill or a full disk in the middle of a row; the number of its last cell may be cut, too."""
+    monkeypatch.setattr(logging.getLogger("warpsph"), "propagate", True)  # the command line turns it off
+    path.write_text("time [s],a,b\n0.000000,1,2\n0.100000,1,2\n" + cut)
+    record = Record(path, ["a", "b"], resume_at=0.3)
+    record.write(0.4, [3, 4])
+    record.close()
+    assert path.read_text() == "time [s],a,b\n0.000000,1,2\n0.100000,1,2\n0.400000,3,4\n"
+    assert f"{path}: row 4 is cut or damaged, and is dropped" in caplog.text
+
+
+def test_a_full_disk_takes_no_row_of_a_resumed_record(path, monkeypatch):
+    path.write_text("time [s],a\n0.000000,1\n")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("warpsph.output.records.os.replace", full)
+    with pytest.raises(OSError, match="No space"):
+        Record(path, ["a"], resume_at=0.0)
+    assert path.read_text() == "time [s],a\n0.000000,1\n"
+
+
+def test_a_crest_is_within_the_record():
+    """A run that ends on the way up: the parabola of what there is has its top a second after the last sample."""
+    time = np.linspace(0.0, 1.0, 101)
+    level = 4.0 - (time - 2.0) ** 2
+    level[-1] -= 0.05  # rough, so that the highest sample is not the last
+    assert find_crest(time, level) == (level[-2], time[-2])

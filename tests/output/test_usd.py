@@ -240,7 +240,7 @@ def test_a_cache_is_continued_at_a_frame(cache_copy):
         cache.write(spinning_blob(frame))
     assert check_cache(cache_copy) == []
     assert len(list((cache_copy / "frames").iterdir())) == 4
-    with pytest.raises(FileNotFoundError, match=r"cannot be continued without this frame: .*fluid\.00004\.usdc"):
+    with pytest.raises(FileNotFoundError, match=r"this frame of the cache is missing: .*fluid\.00004\.usdc"):
         open_cache(cache_copy, resume_at=5)
 
 

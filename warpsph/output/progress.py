@@ -1,8 +1,25 @@
 """Progress: a bar with an ETA on a terminal, a line now and then elsewhere."""
 
+import contextlib
+import os
 import sys
 import time
 from typing import TextIO
+
+
+def tell(text: str, stream: TextIO | None) -> None:
+    """Write to a terminal, a pipe or a file; one that is closed or full ends no run, and is told nothing more."""
+    if stream is None:  # closed before the program began
+        return
+    try:
+        stream.write(text)
+        stream.flush()
+    except (OSError, ValueError):
+        # What was not taken would be tried again at exit, and fail again.
+        with contextlib.suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
 
 
 class Progress:
@@ -20,7 +37,7 @@ class Progress:
         self._stream = sys.stderr if stream is None else stream
         self._began = self._told = time.perf_counter()
         self._steps_before = steps
-        self._is_terminal = self._stream.isatty()
+        self._is_terminal = self._stream is not None and self._stream.isatty()
         self._told_share = 0.0
 
     def update(self, simulated: float, steps: int) -> None:
@@ -39,15 +56,14 @@ class Progress:
         )
         if self._is_terminal:
             filled = round(24 * share)
-            self._stream.write(f"\r[{'#' * filled}{'.' * (24 - filled)}] {text} ")
+            tell(f"\r[{'#' * filled}{'.' * (24 - filled)}] {text} ", self._stream)
         else:
-            self._stream.write(text + "\n")
-        self._stream.flush()
+            tell(text + "\n", self._stream)
 
     def close(self) -> None:
         """Leave the line of the bar."""
         if self._is_terminal and self._told_share:
-            self._stream.write("\n")
+            tell("\n", self._stream)
 
 
 def _clock(seconds: float) -> str:

@@ -1,10 +1,18 @@
 """Records: the CSV files of a run, flushed line by line, cut back to the checkpoint on a resume."""
 
 import csv
+import io
+import logging
+import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
+from warpsph.output.claim import beside
+
+log = logging.getLogger("warpsph")
 
 TIME_ROUNDING = 1e-6  # Times are written with six digits behind the point. [s]
 
@@ -26,11 +34,14 @@ class Record:
         self._origin = origin or [0.0] * len(columns)
         rows: list[list[str]] = []
         if resume_at is not None and path.exists():
-            with path.open(newline="") as file:
-                rows = [row for row in list(csv.reader(file))[1:] if row and float(row[0]) < resume_at + TIME_ROUNDING]
-        self._file = path.open("w", newline="", buffering=1)
+            rows = [row for row in _whole_rows(path) if float(row[0]) < resume_at + TIME_ROUNDING]
+        # Beside its place first: a disk that fills up here takes no row that had been written.
+        unfinished = beside(path)
+        with unfinished.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([["time [s]", *columns], *rows])
+        os.replace(unfinished, path)
+        self._file = path.open("a", newline="", buffering=1)
         self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerows([["time [s]", *columns], *rows])
 
     def write(self, time: float, values: Sequence[float]) -> None:
         """Add one row."""
@@ -42,6 +53,35 @@ class Record:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def last_time(path: Path) -> float:
+    """The last time of a record [s]; minus infinity where there is no row."""
+    rows = _whole_rows(path, tell=False) if path.exists() else []
+    return float(rows[-1][0]) if rows else -math.inf
+
+
+def _whole_rows(path: Path, tell: bool = True) -> list[list[str]]:
+    """The rows of a record below its heading; one that a kill or a full disk has cut is dropped, and told."""
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        text = file.read()
+    heading, *rows = list(csv.reader(io.StringIO(text))) or [[]]
+    kept = []
+    for i, row in enumerate(rows):
+        is_cut = i == len(rows) - 1 and not text.endswith("\n")
+        if not is_cut and len(row) == len(heading) and all(map(_is_number, row)):
+            kept.append(row)
+        elif row and tell:
+            log.warning("%s: row %d is cut or damaged, and is dropped", path, i + 2)
+    return kept
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def read_record(path: Path) -> dict[str, np.ndarray]:
@@ -81,4 +121,7 @@ def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float]:
     a, b, c = np.polyfit(time[first : last + 1] - time[top], level[first : last + 1], 2)
     if a >= 0.0:
         return float(level[top] - level[0]), float(time[top])
-    return float(c - b * b / (4.0 * a) - level[0]), float(time[top] - b / (2.0 * a))
+    at = float(time[top] - b / (2.0 * a))
+    if not time[first] <= at <= time[last]:  # a level that rises still at the end has not had its crest
+        return float(level[top] - level[0]), float(time[top])
+    return float(c - b * b / (4.0 * a) - level[0]), at

@@ -82,6 +82,13 @@ def _publish(layer: Sdf.Layer, path: Path) -> None:
     os.replace(partial, path)
 
 
+def require_frames(folder: Path, count: int) -> None:
+    """Raise FileNotFoundError unless the first `count` frames of the cache in `folder` are there."""
+    for path in (folder / "frames" / _frame_name(frame) for frame in range(count)):
+        if not path.exists():
+            raise FileNotFoundError(errno.ENOENT, "this frame of the cache is missing", str(path))
+
+
 def _off_stage(stage: Usd.Stage, suffix: str) -> Sdf.Layer:
     """A layer with the content of a stage, of the format that `suffix` names."""
     layer = Sdf.Layer.CreateAnonymous(suffix)
@@ -201,7 +208,7 @@ class UsdCache:
 
         frames = self.folder / "frames"
         if resume_at is not None:
-            self._require_frames()
+            require_frames(self.folder, resume_at)
         elif self.root.exists() or any(frames.glob("fluid.*.usdc")):
             raise FileExistsError(errno.EEXIST, "holds the USD cache of an earlier run", str(self.folder))
         frames.mkdir(parents=True, exist_ok=True)
@@ -405,9 +412,3 @@ class UsdCache:
 
     def _frame_path(self, frame: int) -> Path:
         return self.folder / "frames" / _frame_name(frame)
-
-    def _require_frames(self) -> None:
-        for frame in range(self.frame_count):
-            if not self._frame_path(frame).exists():
-                text = "the cache cannot be continued without this frame"
-                raise FileNotFoundError(errno.ENOENT, text, str(self._frame_path(frame)))

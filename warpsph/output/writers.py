@@ -101,7 +101,8 @@ class Outputs:
         if not (self._scene.output.pictures or self._scene.output.usd):
             return
         snapshot = self._simulation.state.snapshot(self._pinned[self._frame % 2])
-        places = self._simulation.bodies.places() if self._simulation.bodies else []
+        # Copies: on the CPU the places are views of what the steps that go on write to.
+        places = [(x.copy(), q.copy()) for x, q in self._simulation.bodies.places()] if self._simulation.bodies else []
         self.wait()
         self._writing = self._writer.submit(self._write, self._frame, snapshot, places)
         self._frame += 1
@@ -126,6 +127,10 @@ class Outputs:
         self.wait()
         if not self._is_open:
             self._open()
+        if self._cache is not None:  # whoever took frames away on the way is told
+            from warpsph.output.usd import require_frames
+
+            require_frames(self._folder / "usd", self._cache.frame_count)
         preview, scene = self._folder / "preview", self._scene
         if self._pictures is not None and self._frame:
             fps = scene.output.frames_per_second

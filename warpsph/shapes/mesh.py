@@ -53,7 +53,7 @@ def read_mesh(path: Path | str, scale: float = 1.0) -> Mesh:
     try:
         import meshio
     except ImportError:
-        raise ValueError("a mesh is read by meshio: python -m pip install 'warpsph-waves[mesh]'") from None
+        raise ValueError("a mesh is read by meshio, which is not installed: python -m pip install meshio") from None
     if not Path(path).is_file():
         raise ValueError(f"{path}: no such file")
     try:
