@@ -32,6 +32,10 @@ from warpsph.step.bodies import columns as body_columns
 
 log = logging.getLogger("warpsph")
 
+# How long the thread that draws may keep the interpreter from the one that steps, which wants it after each launch [s].
+# Python's own 5 ms are as long as some thirty steps of a small scene on a GPU.
+TURN = 2e-4
+
 DONE, STOPPED, BLEW_UP = "done", "stopped", "blew up"
 
 
@@ -156,9 +160,12 @@ class Run:
 
     def execute(self) -> dict[str, Any]:
         """Run to the end, to a STOP file or to a blow-up. Returns what run.json holds."""
+        usual = sys.getswitchinterval()
+        sys.setswitchinterval(TURN)
         try:
             return self._execute()
         finally:
+            sys.setswitchinterval(usual)
             self._lock.release()
 
     def _execute(self) -> dict[str, Any]:

@@ -224,18 +224,26 @@ def test_the_loads_on_bodies_are_what_they_do_to_the_fluid(make_scene, device):
     assert -load.sum(axis=0)[[0, 2]] == pytest.approx(by_bodies, rel=2e-3, abs=2e-3 * float(np.abs(by_bodies).max()))
 
 
-def test_fluid_and_bodies_keep_their_energy(make_scene, device):
-    """The fluid's book closes. What it takes from a box that falls is what that loses, but for flow into its dummies:
-    12 % with three spacings of draft, 1 % with ten (seen in floating_box.yaml)."""
-    scene = make_scene(FLUME, "bodies[0].motion.shift=[0.0, 0.0]", "bodies[1].at=[0.6, 0.23]")
-    simulation = Simulation(scene, device)
+def falling_box(make_scene, device) -> tuple[float, float, float]:
+    """What a box that falls gains in energy, by how much the fluid's sum changes, and what it says walls did [J/m]."""
+    simulation = Simulation(make_scene(FLUME, "bodies[0].motion.shift=[0.0, 0.0]", "bodies[1].at=[0.6, 0.23]"), device)
     start, bodies = simulation.energy.measure()[0], sum(simulation.bodies.energies())
     simulation.reach(0.6)
     end, gained = simulation.energy.measure()[0], sum(simulation.bodies.energies()) - bodies
     assert gained < -0.5  # it falls by 0.01 m or so, at 141 N/m
-    assert end.total - start.total == pytest.approx(0.0, abs=0.01 * abs(gained))
-    assert end.wall_work == pytest.approx(-gained, rel=0.2)
     assert not simulation.bodies.holds(simulation.state.position.numpy()).any()
+    return gained, end.total - start.total, end.wall_work
+
+
+def test_the_book_of_the_fluid_closes_beside_a_body(make_scene, device):
+    gained, strayed, _ = falling_box(make_scene, device)
+    assert strayed == pytest.approx(0.0, abs=0.01 * abs(gained))
+
+
+@pytest.mark.xfail(strict=True, reason="pairs exchange what flows into dummies: 12 % with three spacings of draft")
+def test_fluid_takes_what_a_body_loses(make_scene, device):
+    gained, _, wall_work = falling_box(make_scene, device)
+    assert wall_work == pytest.approx(-gained, rel=0.02)
 
 
 def test_a_paddle_makes_the_wave_that_it_should(make_scene, device):
