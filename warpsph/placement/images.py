@@ -251,7 +251,7 @@ def _gap(image: Image, corners: Array, planes: Sequence[tuple[Array, float]]) ->
 def folded(edges: Sequence[Edge], images: Sequence[Image], position: Array, velocity: Array) -> tuple[Array, Array]:
     """Where particles that have left through an edge since they were folded are seen, and how fast they go.
 
-    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types.
+    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types; without edges they are what is given.
     """
     if not edges:
         return position, velocity
