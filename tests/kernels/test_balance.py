@@ -84,5 +84,6 @@ def test_a_lattice_needs_none(make_cloud, lattice):
 
 
 def test_neighbour_list_by_columns(mixture):
-    """As it lies on a GPU: the same terms in the same order, so the same bits."""
-    np.testing.assert_array_equal(sweeps(mixture(), 2), sweeps(mixture(by_column=True), 2))
+    """As it lies on a GPU: the same terms, which a CPU adds up in another order."""
+    expected, found = sweeps(mixture(), 2), sweeps(mixture(by_column=True), 2)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())

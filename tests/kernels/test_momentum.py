@@ -100,5 +100,6 @@ def test_linear_pressure_carries_the_weight(make_cloud, lattice):
 
 
 def test_neighbour_list_by_columns(mixture):
-    """As it lies on a GPU: the same terms in the same order, so the same bits."""
-    np.testing.assert_array_equal(mixture().acceleration(), mixture(by_column=True).acceleration())
+    """As it lies on a GPU: the same terms, which a CPU adds up in another order."""
+    for found, expected in zip(mixture(by_column=True).acceleration(), mixture().acceleration(), strict=True):
+        assert_same(found, expected)

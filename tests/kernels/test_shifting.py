@@ -183,6 +183,7 @@ def test_a_jittered_block_becomes_even(make_cloud, lattice):
 
 
 def test_neighbour_list_by_columns(mixture):
-    """As it lies on a GPU: the same terms in the same order, so the same bits."""
+    """As it lies on a GPU: the same terms, which a CPU adds up in another order."""
     rows, columns = mixture(), mixture(by_column=True)
-    np.testing.assert_array_equal(drift(rows), drift(columns))
+    expected = drift(rows)
+    np.testing.assert_allclose(drift(columns), expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())

@@ -72,7 +72,7 @@ def test_cells_need_little_memory(make_collapse, device):
 
 
 def test_what_needs_lists_says_so(make_collapse):
-    with pytest.raises(SceneError, match="neighbours: antuono's diffusion of density needs lists"):
+    with pytest.raises(SceneError, match="neighbours: lists are needed for antuono's diffusion of density"):
         make_collapse("neighbours=cells", "density_diffusion.model=antuono")
     with pytest.raises(SceneError, match="neighbours: lists are needed for images"):
         make_collapse("neighbours=cells", "images=[{name: floor, mirror: {point: [0, -0.5], normal: [0, 1]}}]")
