@@ -38,13 +38,17 @@ MOST_TENSILE = wp.constant(5.0)
 
 @wp.func
 def bounded_tensile(parameters: Parameters, p_i: float, p_j: float, shape: float) -> float:
-    """The same with (W_ij / W(dx))^4 <= 5, so that a pair in tension is never pushed apart.
+    """The same in tension only, with (W_ij / W(dx))^4 <= 5, so that a pair in tension is never pushed apart.
+
+    In compression nothing is to be corrected, and 0.01 |p| does harm: it is no energy's either, and makes the rows of a
+    square lattice slide under the pressure of still water (kernels/README.md).
 
     Beyond that (nearer than 0.67 dx, Wendland kernel, h = 1.5 dx) eq 67 makes of tension a repulsion, up to 3.4 times
     as strong. It is no energy's, and feeds itself: particles pushed apart are less dense, in more tension, and pushed
     the harder. In water those around hold them; a drop of a few particles swings more and more until it bursts.
     """
-    return (tensile_strength(p_i) + tensile_strength(p_j)) * wp.min(nearness(parameters, shape), MOST_TENSILE)
+    tension = wp.max(-0.2 * p_i, 0.0) + wp.max(-0.2 * p_j, 0.0)
+    return tension * wp.min(nearness(parameters, shape), MOST_TENSILE)
 
 
 # By what a scene says of it.

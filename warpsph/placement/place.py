@@ -8,7 +8,7 @@ Points are [x, y, z], with y = 0 in a 2-D scene.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,172 +17,17 @@ from numpy.typing import NDArray
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
+from warpsph.placement.fluids import Sites, fill_sites, shape_sites
 from warpsph.placement.images import Edge, find_edges, find_images
+from warpsph.placement.lattice import LATTICE_SLACK, count_where, joined, refuse_too_many
 from warpsph.placement.origin import localised
-from warpsph.scene.fluids import Fluid
+from warpsph.placement.packing import pack
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import near
-from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box, solid, wall_surface
+from warpsph.shapes.surface import BLOCK, Crate, Sheet, around, wall_surface
 
 Wall = Sheet | Crate
-
-# A point typed to five digits still rests on the slope that it was computed for. In spacings.
-CLEARANCE_SLACK = 1e-3
-# Sites of two fluids that share a lattice are one spacing apart but for rounding. In spacings.
-LATTICE_SLACK = 1e-6
-# More points than this are a slip of the spacing, not a scene: they would take tens of GB.
-MOST_POINTS = 100_000_000
-
-
-# ------------------------------------------------------------------------------------------------------------- lattices
-
-
-def _cell_centres(scene: Scene, path: str, low: Array, high: Array) -> Iterator[Array]:
-    """Centres of the unit cells that meet the box from `low` to `high`, row by row, in slabs of shape [n, 3]."""
-    first, last = np.floor(low + 1e-9), np.ceil(high - 1e-9)
-    _refuse_too_many(scene, path, float(np.prod(np.maximum(last - first, 0.0))))
-    x, y, z = (np.arange(a, b) + 0.5 for a, b in zip(first, last, strict=True))
-    rows = max(1, BLOCK // max(len(x), 1))  # as many whole rows as a block holds, and as many whole layers
-    layers = max(1, rows // max(len(y), 1))
-    for k in range(0, len(z), layers):
-        for j in range(0, len(y), rows):
-            grid = np.meshgrid(z[k : k + layers], y[j : j + rows], x, indexing="ij")
-            yield np.stack(grid[::-1], axis=-1).reshape(-1, 3)
-
-
-def _joined(parts: Sequence[Array], shape: tuple[int, ...] = (0, 3)) -> Array:
-    """All `parts` end to end, without a copy where there is one; empty, of `shape`, where there is none."""
-    if len(parts) == 1:
-        return parts[0]
-    return np.concatenate([np.empty(shape), *parts])
-
-
-def _count(points: Array, what: Callable[[Array], NDArray[np.bool_]]) -> tuple[int, int]:
-    """For how many of `points` [n, 3] something is so, and for which first, block by block; (0, -1) for none."""
-    total, first = 0, -1
-    for begin in range(0, len(points), BLOCK):
-        so = np.flatnonzero(what(points[begin : begin + BLOCK]))
-        if len(so):
-            total, first = total + len(so), first if total else begin + int(so[0])
-    return total, first
-
-
-def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
-    if points > MOST_POINTS:
-        words = f"{scene.spacing:g} m is too fine: {path} would take {points:.2g} points, {MOST_POINTS:.0e} is the most"
-        raise scene.error("spacing", words)
-
-
-def _shape_sites(
-    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
-) -> tuple[Array, Array, list[str]]:
-    """Sites of a shape [n, 3] [m], the column of its own that presses on each [n] [m], and warnings."""
-    dx, body = scene.spacing, solid(scene, fluid.shape)
-    angle = fluid.lattice.angle if fluid.lattice else 0.0
-    origin = body.first_corner()
-    if fluid.lattice and fluid.lattice.origin:
-        origin[[0, 2] if scene.dimensions == 2 else [0, 1, 2]] = fluid.lattice.origin
-
-    # In the frame of the lattice a site is a triple of halves. A site on the very edge counts as inside at the low
-    # sides and as outside at the high ones, whatever the rounding: hence the nudge.
-    frame = Frame(origin, angle, dx)
-    slabs = _cell_centres(scene, path, *body.bounds(frame))
-    sites = _joined([frame.points(cells[body.holds(cells + LATTICE_SLACK, frame)]) for cells in slabs])
-
-    for wall, points in zip(scene.walls, drawn, strict=True):
-        within, first = _count(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
-        if within:
-            raise scene.error(path, f"wall '{wall.name}' runs through it, at {scene.spot(points[first])}")
-    touching, first = _count(sites, lambda some: _distance(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx)
-    if touching:
-        words = f"{touching} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
-        raise scene.error(path, f"{words}, the first at {scene.spot(sites[first])}")
-    for one in solids:
-        touching, first = _count(
-            sites, lambda some, one=one: one.contains(some) | (one.distance(some) < (0.5 - CLEARANCE_SLACK) * dx)
-        )
-        if touching:
-            words = f"body '{one.body.name}' lies in it or within half a spacing of it"
-            raise scene.error(path, f"{words}, at {scene.spot(sites[first])}")
-
-    warnings = []
-    excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
-    if len(sites) and abs(excess) > 0.05:
-        more, lighter = ("more", "lighter") if excess > 0 else ("less", "heavier")
-        size = f"{'area' if scene.dimensions == 2 else 'volume'} of {body.volume:.4g} m{scene.dimensions}"
-        words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its {size}"
-        warnings.append(str(scene.error(path, f"{words}; its particles are made {lighter}")))
-    depth = np.empty(len(sites))
-    density = scene.materials[fluid.material].density
-    for begin in range(0, len(sites), BLOCK):
-        some = sites[begin : begin + BLOCK]
-        roof = body.roof(some)
-        # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
-        column = (roof - some[:, 2]) * math.cos(math.radians(angle)) ** 2
-        for other in scene.fluids:
-            if other.fill:
-                # Below the water line the water's weight comes on top.
-                column += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
-        depth[begin : begin + BLOCK] = column
-    return sites, depth, warnings
-
-
-def _fill_sites(
-    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
-) -> tuple[Array, Array, list[str]]:
-    """Sites of a fill [n, 3] [m], the depth of each below the level [n] [m], and warnings."""
-    fill, dx = fluid.fill, scene.spacing
-    index = [wall.name for wall in scene.walls].index(fill.above)
-    bed, drawn = walls[index], drawn[index]
-    low, high = fill.between or (-math.inf, math.inf)
-    wet = drawn[(drawn[:, 0] >= low - dx) & (drawn[:, 0] <= high + dx) & (drawn[:, 2] < fill.level)]
-    if not len(wet):
-        x, _, z = scene.origin
-        where = f" between {low + x:.12g} and {high + x:.12g} m" if fill.between else ""
-        raise scene.error(path, f"'{fill.above}' is nowhere below the level {fill.level + z:.12g} m{where}")
-    left, right = max(low, wet[:, 0].min()), min(high, wet[:, 0].max())
-    front, back = (wet[:, 1].min(), wet[:, 1].max()) if scene.dimensions == 3 else (-0.5 * dx, 0.5 * dx)
-    floor = wet[:, 2].min()
-
-    # Rows start half a spacing above the lowest bed, and half a spacing off the front. Columns start half a spacing off
-    # an upright end wall, the left one if there are two, or else off the left limit.
-    upright = [any(one.is_upright(x, fill.level) for one in walls) for x in (left, right)]
-    start = right - math.ceil((right - left) / dx - LATTICE_SLACK) * dx if upright == [False, True] else left
-    corner = np.array([start, front, floor])
-    last = np.array([right, back, fill.level]) - LATTICE_SLACK * dx
-    # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
-    middle = drawn[[len(drawn) // 2]]
-    dry = [one for one in walls if one.closed and one is not bed and not one.contains(middle)[0]]
-    parts = []
-    for cells in _cell_centres(scene, path, np.zeros(3), (last - corner) / dx):
-        sites = corner + dx * cells
-        sites = sites[inside_box(sites, np.array([left, front, floor]), last)]
-        sites = sites[bed.carries(sites, fill.level)]
-        for one in [*dry, *solids]:  # bodies displace it
-            sites = sites[~one.contains(sites)]
-        parts.append(sites[_distance([*walls, *solids], sites) > (fluid.clearance - CLEARANCE_SLACK) * dx])
-    sites = _joined(parts)
-
-    openings = bed.openings(fill.level, 0.5 * dx)
-    is_open = near(openings, sites, 1.5 * dx) & (_distance(walls, openings) > dx)
-    if is_open.any():
-        words = f"it would leak at {scene.spot(openings[is_open][0])}"
-        raise scene.error(
-            path, f"{words}: '{fill.above}' ends there, below the level {fill.level + scene.origin[2]:.12g} m"
-        )
-
-    warnings = []
-    sizes = {"depth": fill.level - floor}
-    if all(upright):
-        sizes["width" if scene.dimensions == 2 else "length"] = right - left
-    if scene.dimensions == 3:
-        sizes["width"] = back - front
-    for name, size in sizes.items():
-        if abs(size / dx - round(size / dx)) > 0.02:
-            words = f"its {name} of {size:.4g} m is {size / dx:.2f} spacings; a whole number of them leaves no gap"
-            warnings.append(str(scene.error(path, words)))
-    return sites, fill.level - sites[:, 2], warnings
 
 
 # ------------------------------------------------------------------------------------------------------------ placement
@@ -284,46 +129,44 @@ def place(scene: Scene) -> Placement:
     """
     scene = localised(scene)
     walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
-    _refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
+    refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
     drawn = [one.sample(scene.wall_spacing)[0] for one in walls]
     solids = place_bodies(scene, drawn)
     edges, _ = find_edges(scene)
     warnings: list[str] = []
-    placed: list[Array] = []
-    depths: list[Array] = []
-    volumes: list[float] = []
+    placed: list[Sites] = []
     for i, fluid in enumerate(scene.fluids):
         path = f"fluids[{i}].{'shape' if fluid.shape else 'fill'}"
-        sites, depth, doubts = (
-            _shape_sites(scene, path, fluid, walls, drawn, solids)
+        earlier = [other.position for other in placed]
+        sites = (
+            shape_sites(scene, path, fluid, walls, drawn, solids)
             if fluid.shape
-            else _fill_sites(scene, path, fluid, walls, drawn, solids)
+            else fill_sites(scene, path, fluid, walls, drawn, solids, earlier)
         )
-        all_count = len(sites)
-        for earlier in placed:
-            free = ~near(sites, earlier, (1.0 - LATTICE_SLACK) * scene.spacing)
-            if not free.all():
-                sites, depth = sites[free], depth[free]
-        if not len(sites):
-            taken = "every site of it is taken by an earlier fluid" if all_count else "not one particle fits in it"
+        fitting = len(sites.position)
+        sites = sites.apart_from(earlier, (1.0 - LATTICE_SLACK) * scene.spacing)
+        if not len(sites.position):
+            taken = "every site of it is taken by an earlier fluid" if fitting else "not one particle fits in it"
             raise scene.error(path, f"{taken}, at a spacing of {scene.spacing:g} m")
-        _refuse_beyond(scene, path, edges, sites)
+        _refuse_beyond(scene, path, edges, sites.position)
         placed.append(sites)
-        depths.append(depth if fluid.hydrostatic else np.zeros(len(sites)))
-        cell = scene.spacing**scene.dimensions
-        volumes.append(solid(scene, fluid.shape).volume / all_count if fluid.shape else cell)
-        warnings += doubts
+        warnings += sites.warnings
 
-    counts = [len(sites) for sites in placed]
-    position = _joined([_jittered(scene, i, sites) for i, sites in enumerate(placed)])
-    del placed, sites, depth
+    counts = [len(sites.position) for sites in placed]
+    volumes = np.array([sites.volume for sites in placed])
+    depth = joined([sites.depth * fluid.hydrostatic for fluid, sites in zip(scene.fluids, placed, strict=True)], (0,))
+    position = joined([_jittered(scene, i, sites.position) for i, sites in enumerate(placed)])
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)
     dummies = NO_DUMMIES
     if scene.wall_model.force == "dummy_particles":
         reach = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
-        dummies = place_dummies(scene, walls, sides, position, reach)
+        cut = np.concatenate([sites.cut for sites in placed])
+        dummies = place_dummies(scene, walls, sides, position[~cut], reach)
+        stood = position
+        position = pack(scene, placed, position, dummies, solids)
+        depth += np.where(depth > 0.0, stood[:, 2] - position[:, 2], 0.0)
     ground = min((float(points[:, 2].min()) for points in drawn), default=float(position[:, 2].min()))
     warnings += _doubts(scene, position, counts, drawn, edges)
     del drawn
@@ -337,13 +180,13 @@ def place(scene: Scene) -> Placement:
         position=position,
         velocity=_velocities(scene, position, counts),
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
-        initial_depth=_joined(depths, (0,)),
-        volume=np.array(volumes),
-        wall_position=_joined(points),
-        wall_normal=_joined(normals),
-        wall_before=_joined(before),
-        wall_after=_joined(after),
-        wall_area=_joined(areas, (0,)),
+        initial_depth=depth,
+        volume=volumes,
+        wall_position=joined(points),
+        wall_normal=joined(normals),
+        wall_before=joined(before),
+        wall_after=joined(after),
+        wall_area=joined(areas, (0,)),
         dummies=dummies,
         sides=tuple(sides),
         solids=tuple(solids),
@@ -498,7 +341,7 @@ def _doubts(
         ends = np.cumsum(counts).tolist()
         for i, (count, end) in enumerate(zip(counts, ends, strict=True)):
             sites = position[end - count : end]
-            lost, first = _count(sites, lambda some: _without_ground(some, *ground, scene.spacing))
+            lost, first = count_where(sites, lambda some: _without_ground(some, *ground, scene.spacing))
             if lost:
                 words = f"{lost} particles have no wall below them, the first at {scene.spot(sites[first])}"
                 doubts.append(scene.error(f"fluids[{i}]", words))
@@ -545,11 +388,3 @@ def _round_up(value: float) -> float:
     """The next number of three digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 2)
     return math.ceil(value / unit - 1e-9) * unit
-
-
-def _distance(walls: Sequence[Wall | Solid], points: Array) -> Array:
-    """Distance from each of `points` [n, 3] to the nearest wall [m], shape [n]."""
-    least = np.full(len(points), np.inf)
-    for one in walls:
-        np.minimum(least, one.distance(points), out=least)
-    return least

@@ -1,0 +1,228 @@
+"""Sites of fluids: cells of a square or cubic lattice, and what stands in for those that a wall cuts.
+
+Points are [x, y, z], with y = 0 in a 2-D scene.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpsph.placement.bodies import Solid
+from warpsph.placement.lattice import (
+    CLEARANCE_SLACK,
+    LATTICE_SLACK,
+    cell_centres,
+    count_where,
+    distance_to,
+    joined,
+)
+from warpsph.scene.fluids import Fluid
+from warpsph.scene.scene import Scene
+from warpsph.shapes.points import Array, near
+from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box, solid
+
+Wall = Sheet | Crate
+
+# A cell that a wall cuts is felt out along so many lines each way.
+PROBES = {False: 16, True: 6}  # in a plane, in space
+PROBED_AT_ONCE = 1 << 12
+# A cell that is so nearly whole, or so nearly dry, is not cut.
+WHOLE = 0.98
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Where the particles of one fluid stand.
+
+    Attributes:
+        position: [m], shape [n, 3].
+        depth: The column of its own that presses on each [m], shape [n].
+        volume: Of each [m3, in 2-D m2], so that all of them have that of the drawing.
+        cut: Those in cells that a wall cuts, which stand in disorder, shape [n].
+        mirrors: Planes that close a fill off where there is no wall, its level first: a normal and an offset [m] each.
+        warnings: What is doubtful, a line each.
+    """
+
+    position: Array
+    depth: Array
+    volume: float
+    cut: NDArray[np.bool_]
+    mirrors: tuple[tuple[Array, float], ...]
+    warnings: tuple[str, ...]
+
+    def apart_from(self, others: Sequence[Array], reach: float) -> Sites:
+        """Those that are not nearer than `reach` [m] to any of `others`, each of shape [k, 3]."""
+        free = np.ones(len(self.position), dtype=bool)
+        for points in others:
+            free &= ~near(self.position, points, reach)
+        if free.all():
+            return self
+        return replace(self, position=self.position[free], depth=self.depth[free], cut=self.cut[free])
+
+
+def shape_sites(
+    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
+) -> Sites:
+    """Sites of a shape: cells of its lattice whose centres lie in it."""
+    dx, body = scene.spacing, solid(scene, fluid.shape)
+    angle = fluid.lattice.angle if fluid.lattice else 0.0
+    origin = body.first_corner()
+    if fluid.lattice and fluid.lattice.origin:
+        origin[[0, 2] if scene.dimensions == 2 else [0, 1, 2]] = fluid.lattice.origin
+
+    # In the frame of the lattice a site is a triple of halves. A site on the very edge counts as inside at the low
+    # sides and as outside at the high ones, whatever the rounding: hence the nudge.
+    frame = Frame(origin, angle, dx)
+    slabs = cell_centres(scene, path, *body.bounds(frame))
+    sites = joined([frame.points(cells[body.holds(cells + LATTICE_SLACK, frame)]) for cells in slabs])
+
+    for wall, points in zip(scene.walls, drawn, strict=True):
+        within, first = count_where(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
+        if within:
+            raise scene.error(path, f"wall '{wall.name}' runs through it, at {scene.spot(points[first])}")
+    touching, first = count_where(
+        sites, lambda some: distance_to(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx
+    )
+    if touching:
+        words = f"{touching} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
+        raise scene.error(path, f"{words}, the first at {scene.spot(sites[first])}")
+    for one in solids:
+        touching, first = count_where(
+            sites, lambda some, one=one: one.contains(some) | (one.distance(some) < (0.5 - CLEARANCE_SLACK) * dx)
+        )
+        if touching:
+            words = f"body '{one.body.name}' lies in it or within half a spacing of it"
+            raise scene.error(path, f"{words}, at {scene.spot(sites[first])}")
+
+    warnings = []
+    excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
+    if len(sites) and abs(excess) > 0.05:
+        more, lighter = ("more", "lighter") if excess > 0 else ("less", "heavier")
+        size = f"{'area' if scene.dimensions == 2 else 'volume'} of {body.volume:.4g} m{scene.dimensions}"
+        words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its {size}"
+        warnings.append(str(scene.error(path, f"{words}; its particles are made {lighter}")))
+    depth = np.empty(len(sites))
+    density = scene.materials[fluid.material].density
+    for begin in range(0, len(sites), BLOCK):
+        some = sites[begin : begin + BLOCK]
+        roof = body.roof(some)
+        # On a slope the normal part of the weight presses across the normal depth: cos^2 of the vertical column.
+        column = (roof - some[:, 2]) * math.cos(math.radians(angle)) ** 2
+        for other in scene.fluids:
+            if other.fill:
+                # Below the water line the water's weight comes on top.
+                column += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
+        depth[begin : begin + BLOCK] = column
+    return Sites(sites, depth, body.volume / max(len(sites), 1), np.zeros(len(sites), dtype=bool), (), tuple(warnings))
+
+
+def fill_sites(
+    scene: Scene,
+    path: str,
+    fluid: Fluid,
+    walls: Sequence[Wall],
+    drawn: Sequence[Array],
+    solids: Sequence[Solid],
+    earlier: Sequence[Array],
+) -> Sites:
+    """Sites of a fill: cells of a lattice that fits between its level and the lowest bed, and between upright ends.
+
+    Walls of dummy particles may cut cells; the fullest of these count, as many as hold the water that is drawn. Walls
+    that push keep cells away by the fluid's clearance.
+    """
+    fill, dx = fluid.fill, scene.spacing
+    index = [wall.name for wall in scene.walls].index(fill.above)
+    bed, drawn = walls[index], drawn[index]
+    low, high = fill.between or (-math.inf, math.inf)
+    wet = drawn[(drawn[:, 0] >= low - dx) & (drawn[:, 0] <= high + dx) & (drawn[:, 2] < fill.level)]
+    if not len(wet):
+        x, _, z = scene.origin
+        where = f" between {low + x:.12g} and {high + x:.12g} m" if fill.between else ""
+        raise scene.error(path, f"'{fill.above}' is nowhere below the level {fill.level + z:.12g} m{where}")
+    left, right = max(low, wet[:, 0].min()), min(high, wet[:, 0].max())
+    front, back = (wet[:, 1].min(), wet[:, 1].max()) if scene.dimensions == 3 else (-0.5 * dx, 0.5 * dx)
+    floor = wet[:, 2].min()
+
+    # Rows start on the lowest bed, columns at an upright end wall, the left one if there are two, or else at the left
+    # limit. Cells are stretched a little where that makes a whole number of them fit.
+    upright = [any(one.is_upright(x, fill.level) for one in walls) for x in (left, right)]
+    fits = np.array([all(upright), True, True])
+    pieces = (np.array([right, back, fill.level]) - [left, front, floor]) / dx
+    size = np.where(fits, pieces / np.maximum(np.round(pieces), 1.0), 1.0) * dx
+    start = right - math.ceil((right - left) / dx - LATTICE_SLACK) * dx if upright == [False, True] else left
+    corner, lowest = np.array([start, front, floor]), np.array([left, front, floor])
+    last = np.array([right, back, fill.level])
+    # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
+    middle = drawn[[len(drawn) // 2]]
+    dry = [one for one in walls if one.closed and one is not bed and not one.contains(middle)[0]]
+
+    def is_wet(points: Array) -> NDArray[np.bool_]:
+        inside = inside_box(points, lowest, last)
+        inside[inside] = bed.carries(points[inside], fill.level)
+        for one in [*dry, *solids]:  # bodies displace it
+            inside[inside] = ~one.contains(points[inside])
+        return inside
+
+    has_dummies = scene.wall_model.force == "dummy_particles"
+    edge = 0.5 * math.sqrt(scene.dimensions) * size.max()
+    slack = LATTICE_SLACK * dx
+    parts, shares, wet_cells = [], [], 0.0
+    for cells in cell_centres(scene, path, np.zeros(3), (last - corner - slack) / size):
+        sites = corner + size * cells
+        for points in earlier:
+            sites = sites[~near(sites, points, dx - slack)]
+        off = distance_to([*walls, *solids], sites)
+        is_cut = (off < edge) | np.any(
+            (sites < lowest + 0.5 * size - slack) | (sites > last - 0.5 * size + slack), axis=1
+        )
+        share = is_wet(sites).astype(float)
+        kept = (share > 0.0) & (off > (fluid.clearance - CLEARANCE_SLACK) * dx)
+        for some in np.array_split(np.flatnonzero(is_cut), 1 + int(is_cut.sum()) // PROBED_AT_ONCE):
+            share[some], middle = _wet_part(sites[some], size, scene.dimensions == 3, is_wet)
+            if has_dummies:
+                sites[some] = np.where(share[some, None] < WHOLE, middle, sites[some])
+        wet_cells += float(share.sum())
+        if has_dummies:
+            kept = share > 1.0 - WHOLE
+        parts.append(sites[kept])
+        shares.append(share[kept])
+    sites, share = joined(parts), joined(shares, (0,))
+    if has_dummies:
+        fullest = np.sort(np.argsort(-share, kind="stable")[: round(wet_cells)])
+        sites, share = sites[fullest], share[fullest]
+
+    openings = bed.openings(fill.level, 0.5 * dx)
+    is_open = near(openings, sites, 1.5 * dx) & (distance_to(walls, openings) > dx)
+    if is_open.any():
+        words = f"it would leak at {scene.spot(openings[is_open][0])}"
+        raise scene.error(
+            path, f"{words}: '{fill.above}' ends there, below the level {fill.level + scene.origin[2]:.12g} m"
+        )
+    volume = wet_cells * float(np.prod(size[[0, 2] if scene.dimensions == 2 else [0, 1, 2]])) / max(len(sites), 1)
+    mirrors = [(np.array([0.0, 0.0, 1.0]), fill.level)]
+    upwards = np.linspace(floor, fill.level, 21)
+    for x in fill.between or ():
+        plane = np.stack([np.full(21, x), np.full(21, 0.5 * (front + back)), upwards], axis=1)
+        if left <= x <= right and np.median(distance_to([*walls, *solids], plane)) > dx:
+            mirrors.append((np.array([1.0, 0.0, 0.0]), x))
+    cut = (share < WHOLE) & has_dummies
+    return Sites(sites, fill.level - sites[:, 2], volume, cut, tuple(mirrors), ())
+
+
+def _wet_part(
+    sites: Array, size: Array, in_space: bool, is_wet: Callable[[Array], NDArray[np.bool_]]
+) -> tuple[Array, Array]:
+    """Which share of the cells around `sites` [n, 3] is wet, shape [n], and the middle of it [m], shape [n, 3]."""
+    probes = PROBES[in_space]
+    line = (np.arange(probes) + 0.5) / probes - 0.5
+    lines = [line, line if in_space else [0.0], line]
+    offsets = size * np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = sites[:, None] + offsets
+    wet = is_wet(points.reshape(-1, 3)).reshape(len(sites), -1)
+    count = wet.sum(axis=1)
+    return count / len(offsets), np.einsum("np,npk->nk", wet, points) / np.maximum(count, 1)[:, None]

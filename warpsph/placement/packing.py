@@ -1,0 +1,67 @@
+"""Packing: fluid that no lattice fits is set evenly between the dummies of its walls before anything moves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from warpsph.kernels.packing import pack_kernel
+from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.placement.bodies import Solid
+from warpsph.placement.dummies import Dummies
+from warpsph.placement.fluids import Sites
+from warpsph.scene.scene import Scene
+from warpsph.shapes.points import Array, near
+
+# Sweeps go on until nothing drifts farther in one than this, in spacings.
+EVEN = 2e-4
+MOST_SWEEPS = 400
+# Layers around what a wall cuts that are free to give way, in spacings.
+FREE = 8.0
+
+
+def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummies, solids: Sequence[Solid]) -> Array:
+    """Places of all particles [m], shape [n, 3], of which those around cells that a wall cuts stand evenly now."""
+    cut = np.concatenate([sites.cut for sites in fluids])
+    if not cut.any():
+        return position
+    filled = np.repeat([bool(sites.mirrors) for sites in fluids], [len(sites.position) for sites in fluids])
+    free = filled & near(position, position[cut], FREE * scene.spacing)
+    volume = np.repeat([sites.volume for sites in fluids], [len(sites.position) for sites in fluids])
+    surfaces = [solid.body.surface for solid in solids]
+    walls = np.concatenate([dummies.position, *(surface.points for surface in surfaces)])
+    room = np.concatenate([dummies.volume, *(surface.shares for surface in surfaces)])
+    mirrors = [mirror for sites in fluids if sites.cut.any() for mirror in sites.mirrors]
+    kernel, h, dx = SMOOTHING[scene.smoothing.kernel], scene.smoothing_length, scene.spacing
+    reach = kernel.support * h
+    # What is near what is free, and nothing else, counted from a corner: in single precision.
+    low, high = position[free].min(axis=0) - 2.0 * reach, position[free].max(axis=0) + 2.0 * reach
+    beside = np.all((position > low) & (position < high), axis=1)
+    around = np.all((walls > low) & (walls < high), axis=1)
+    points = np.concatenate([position[beside], walls[around]]) - low
+    volumes = np.concatenate([volume[beside], room[around]])
+    mobility = np.concatenate([np.where(free[beside], 1.0, -1.0), np.zeros(int(around.sum()))])
+    normals = np.array([normal for normal, _ in mirrors]).reshape(-1, 3)
+    offsets = np.array([offset - normal @ low for normal, offset in mirrors])
+
+    with wp.ScopedDevice("cpu"):
+        here = wp.array(points, dtype=wp.vec3)
+        there = wp.empty_like(here)
+        fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
+        planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
+        cells = np.minimum(np.ceil((high - low) / reach).astype(int), 128).tolist()
+        grid = wp.HashGrid(*cells)
+        norm = kernel.normalisation[scene.dimensions] / h ** (scene.dimensions + 2)
+        given = [h, norm, dx, int(scene.dimensions == 2), *planes]
+        for sweep in range(MOST_SWEEPS):
+            grid.build(here, reach)
+            wp.launch(pack_kernel(scene.smoothing.kernel), len(points), [grid.id, *given, here, *fixed, there])
+            here, there = there, here
+            if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
+                break
+        packed = here.numpy()[: int(beside.sum())].astype(np.float64) + low
+    position = position.copy()
+    position[free] = packed[free[beside]]
+    return position
