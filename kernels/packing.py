@@ -16,6 +16,8 @@ from .smoothing import SMOOTHING
 PACE = wp.constant(0.2)
 # No particle goes farther in one sweep, in spacings.
 MOST_DRIFT = wp.constant(0.1)
+# Nothing comes nearer to a mirror, in spacings: where water thins out there is no room for all of it.
+LEAST_DEPTH = wp.constant(0.3)
 
 
 @cache
@@ -62,6 +64,11 @@ def pack_kernel(smoothing: str) -> wp.Kernel:
         if in_plane != 0:
             drift[1] = 0.0
         drift *= wp.min(1.0, MOST_DRIFT * spacing / wp.max(wp.length(drift), 1.0e-12))
-        position_out[i] = x_i + drift
+        x = x_i + drift
+        for k in range(plane_offset.shape[0]):
+            n = plane_normal[k]
+            side = wp.sign(wp.dot(x_i, n) - plane_offset[k])
+            x += side * wp.max(LEAST_DEPTH * spacing - side * (wp.dot(x, n) - plane_offset[k]), 0.0) * n
+        position_out[i] = x
 
     return pack

@@ -21,7 +21,7 @@ class Smoothing(Part):
         "wendland_c2", description="Smoothing kernel W [-]."
     )
     ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
-        1.5, description="Smoothing length over particle spacing, h/dx [-]."
+        1.4, description="Smoothing length over particle spacing, h/dx [-]; at 1.4 wendland_c2 keeps lattices in order."
     )
 
 
