@@ -62,6 +62,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
             if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                 break
         packed = here.numpy()[: int(beside.sum())].astype(np.float64) + low
+    axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
     position = position.copy()
-    position[free] = packed[free[beside]]
+    position[np.ix_(free, axes)] = packed[free[beside]][:, axes]
     return position
