@@ -35,7 +35,7 @@ def written(checkout: Path, scene: str, folder: Path, steps: int, overrides: lis
     environment = os.environ | {"PYTHONPATH": str(checkout)}
     found = subprocess.run(command, cwd=checkout, env=environment, capture_output=True, text=True, check=False)
     if found.returncode not in (0, STOPPED):
-        raise RuntimeError(f"{checkout}: {found.stdout[-500:]}{found.stderr[-500:]}")
+        raise RuntimeError(f"{checkout}: exit code {found.returncode}: {found.stdout[-500:]}{found.stderr[-500:]}")
     return dict(_contents(folder))
 
 
