@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.corrections import density_filter_kernel
-from warpsph.output.frames import LINE_PALETTE, new_plots
+from warpsph.output.plots import LINE_PALETTE, new_plots
 from warpsph.output.records import read_record
 from warpsph.run import Run
 from warpsph.theory import analytic
