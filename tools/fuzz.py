@@ -4,8 +4,8 @@
     python tools/fuzz.py --seed 7 --only scene 412      one member again, with all that it prints
 
 A member is the same for the same seed and number. It runs in a process that is ended after `MOST_SECONDS` of a
-processor's time or beyond `MOST_BYTES`; a slow one is tried twice, since the first may have gone to the compiler. Findings are printed,
-each on a line; exit code 1 if there are any.
+processor's time or beyond `MOST_BYTES`; a slow one is tried twice, since the first may have gone to the compiler.
+Findings are printed, each on a line; exit code 1 if there are any.
 """
 
 from __future__ import annotations

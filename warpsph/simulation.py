@@ -1,5 +1,7 @@
 """A simulation in memory: model, state and step, with the phases of a scene and the watch over absurd particles."""
 
+import math
+
 import warp as wp
 
 from warpsph.device.launch import Launcher
@@ -14,6 +16,7 @@ from warpsph.rheology import viscous
 from warpsph.scene.scene import Scene
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
+from warpsph.step.leaving import Leaving
 from warpsph.step.step import Step
 
 _FAULTS = {
@@ -52,6 +55,7 @@ class Simulation:
     Attributes:
         scene: The scene as it is seen from its origin, from which all places in here count.
         start: What there was before the first step.
+        leaving: What has left since.
     """
 
     def __init__(
@@ -75,6 +79,7 @@ class Simulation:
         self.step = Step(self.model, self.state, self.bodies)
         self.gauges = Gauges(self.model, self.state, self.step.neighbours)
         self.energy = Energy(self.model, self.state)
+        self.leaving = Leaving(self.model, self.state, self.start.box)
         self.enter_phase()
 
     @property
@@ -99,9 +104,10 @@ class Simulation:
         self.step.settling = warming and now < self.scene.start_time + warm_up.settling_time
         self.state.damping.fill_(warm_up.damping if warming else 0.0)
         held = [warming and fluid.hold for fluid in self.scene.fluids]
-        self.model.parameters.mobility.assign([0.0 if holding else 1.0 for holding in held])
+        self.model.parameters.mobility.assign([*(0.0 if holding else 1.0 for holding in held), 0.0])
         if now == 0.0:
             self.state.work.zero_()  # the energy budget begins at the release
+            self.state.energy_gone.zero_()
             if self.bodies:
                 self.bodies.release()
 
@@ -118,10 +124,22 @@ class Simulation:
         """
         self.step.aim_at(time)
         self.step.run()
-        fault = int(self.state.clock()["fault"])
-        if fault:
-            raise BlowUpError(self._describe(fault))
+        while fault := int(self.state.clock()["fault"]):
+            if not self._let_go():
+                raise BlowUpError(self._describe(fault))
+            self.step.aim_at(time)
+            self.step.run()
         self.step.find_viscosity()
+
+    def _let_go(self) -> bool:
+        """Let what left the box go, with the energy that it has; whether the run can go on."""
+        before = self.energy.measure()[0]
+        if not self.leaving.let_go(self.scene.run.absurd == "drop"):
+            return False
+        lost = before.total - self.energy.measure()[0].total
+        if math.isfinite(lost):  # what was absurd may have any energy
+            self.state.energy_gone.fill_(float(self.state.energy_gone.numpy()[0]) + lost)
+        return True
 
     def reach(self, time: float) -> None:
         """Step until `time` [s], exactly, and enter the phases that begin on the way.

@@ -108,6 +108,11 @@ class Run(Part):
     max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(
         None, description="Greatest number of steps [-]; no limit when absent."
     )
+    absurd: Literal["stop", "drop"] = Field(
+        "stop",
+        description="What an absurd particle does, one faster than sound, say [-]: stop ends the run; drop takes it "
+        "out and counts it, up to one in a thousand.",
+    )
 
 
 class View(Part):
