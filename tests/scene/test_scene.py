@@ -535,7 +535,7 @@ def test_all_mistakes_are_told_in_the_order_of_the_document(load):
         "tank.yaml:4: materials.water.density: a number is needed, not 'heavy'",
         "tank.yaml:10: fluids[0].materiel: no such field; did you mean 'material'?",
         "tank.yaml:13: gauges[0].x: this field is missing",
-        "tank.yaml:13: gauges[0].colour: no such field; it can be name, x, y, bottom",
+        "tank.yaml:13: gauges[0].colour: no such field; it can be name, x, y, bottom, observed",
         "tank.yaml:14: run.end_time: must be more than 0, not -1",
         "--set xsph=2: xsph: must be at most 1, not 2",
         "--set spaceing=0.1: spaceing: no such field; did you mean 'spacing'?",
