@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpsph.placement.bodies import Solid
+from warpsph.placement.doubts import count_of, distance
 from warpsph.placement.lattice import (
     CLEARANCE_SLACK,
     LATTICE_SLACK,
     cell_centres,
-    count_where,
-    distance_to,
     joined,
 )
 from warpsph.scene.fluids import Fluid
@@ -82,17 +81,15 @@ def shape_sites(
     sites = joined([frame.points(cells[body.holds(cells + LATTICE_SLACK, frame)]) for cells in slabs])
 
     for wall, points in zip(scene.walls, drawn, strict=True):
-        within, first = count_where(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
+        within, first = count_of(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
         if within:
             raise scene.error(path, f"wall '{wall.name}' runs through it, at {scene.spot(points[first])}")
-    touching, first = count_where(
-        sites, lambda some: distance_to(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx
-    )
+    touching, first = count_of(sites, lambda some: distance(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx)
     if touching:
         words = f"{touching} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
         raise scene.error(path, f"{words}, the first at {scene.spot(sites[first])}")
     for one in solids:
-        touching, first = count_where(
+        touching, first = count_of(
             sites, lambda some, one=one: one.contains(some) | (one.distance(some) < (0.5 - CLEARANCE_SLACK) * dx)
         )
         if touching:
@@ -176,7 +173,7 @@ def fill_sites(
         sites = corner + size * cells
         for points in earlier:
             sites = sites[~near(sites, points, dx - slack)]
-        off = distance_to([*walls, *solids], sites)
+        off = distance([*walls, *solids], sites)
         is_cut = (off < edge) | np.any(
             (sites < lowest + 0.5 * size - slack) | (sites > last - 0.5 * size + slack), axis=1
         )
@@ -197,7 +194,7 @@ def fill_sites(
         sites, share = sites[fullest], share[fullest]
 
     openings = bed.openings(fill.level, 0.5 * dx)
-    is_open = near(openings, sites, 1.5 * dx) & (distance_to(walls, openings) > dx)
+    is_open = near(openings, sites, 1.5 * dx) & (distance(walls, openings) > dx)
     if is_open.any():
         words = f"it would leak at {scene.spot(openings[is_open][0])}"
         raise scene.error(
@@ -208,7 +205,7 @@ def fill_sites(
     upwards = np.linspace(floor, fill.level, 21)
     for x in fill.between or ():
         plane = np.stack([np.full(21, x), np.full(21, 0.5 * (front + back)), upwards], axis=1)
-        if left <= x <= right and np.median(distance_to([*walls, *solids], plane)) > dx:
+        if left <= x <= right and np.median(distance([*walls, *solids], plane)) > dx:
             mirrors.append((np.array([1.0, 0.0, 0.0]), x))
     cut = (share < WHOLE) & has_dummies
     return Sites(sites, fill.level - sites[:, 2], volume, cut, tuple(mirrors), ())

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from warpsph.placement.bodies import Solid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.points import Array
-from warpsph.shapes.surface import BLOCK, Crate, Sheet
+from warpsph.shapes.surface import BLOCK
 
 # A point typed to five digits still rests on the slope that it was computed for. In spacings.
 CLEARANCE_SLACK = 1e-3
@@ -40,26 +38,8 @@ def joined(parts: Sequence[Array], shape: tuple[int, ...] = (0, 3)) -> Array:
     return np.concatenate([np.empty(shape), *parts])
 
 
-def count_where(points: Array, what: Callable[[Array], NDArray[np.bool_]]) -> tuple[int, int]:
-    """For how many of `points` [n, 3] something is so, and for which first, block by block; (0, -1) for none."""
-    total, first = 0, -1
-    for begin in range(0, len(points), BLOCK):
-        so = np.flatnonzero(what(points[begin : begin + BLOCK]))
-        if len(so):
-            total, first = total + len(so), first if total else begin + int(so[0])
-    return total, first
-
-
 def refuse_too_many(scene: Scene, path: str, points: float) -> None:
     """Raise SceneError for more points than any machine holds."""
     if points > MOST_POINTS:
         words = f"{scene.spacing:g} m is too fine: {path} would take {points:.2g} points, {MOST_POINTS:.0e} is the most"
         raise scene.error("spacing", words)
-
-
-def distance_to(walls: Sequence[Sheet | Crate | Solid], points: Array) -> Array:
-    """Distance from each of `points` [n, 3] to the nearest wall [m], shape [n]."""
-    least = np.full(len(points), np.inf)
-    for one in walls:
-        np.minimum(least, one.distance(points), out=least)
-    return least

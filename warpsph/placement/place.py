@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
+from warpsph.placement.bodies import Solid, place_bodies, refuse_behind, refuse_too_fast
+from warpsph.placement.doubts import doubts_of, slow_sound
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.fluids import Sites, fill_sites, shape_sites
 from warpsph.placement.images import Edge, find_edges, find_images
-from warpsph.placement.lattice import LATTICE_SLACK, count_where, joined, refuse_too_many
+from warpsph.placement.lattice import LATTICE_SLACK, joined, refuse_too_many
 from warpsph.placement.origin import localised
 from warpsph.placement.packing import pack
 from warpsph.scene.scene import Scene
@@ -132,6 +133,7 @@ def place(scene: Scene) -> Placement:
     refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
     drawn = [one.sample(scene.wall_spacing)[0] for one in walls]
     solids = place_bodies(scene, drawn)
+    refuse_too_fast(scene, solids)
     edges, _ = find_edges(scene)
     warnings: list[str] = []
     placed: list[Sites] = []
@@ -168,7 +170,7 @@ def place(scene: Scene) -> Placement:
         position = pack(scene, placed, position, dummies, solids)
         depth += np.where(depth > 0.0, stood[:, 2] - position[:, 2], 0.0)
     ground = min((float(points[:, 2].min()) for points in drawn), default=float(position[:, 2].min()))
-    warnings += _doubts(scene, position, counts, drawn, edges)
+    warnings += doubts_of(scene, position, counts, walls, drawn, solids, edges)
     del drawn
     samples = [one.set_back(set_back, side).sample(scene.wall_spacing) for one, side in zip(walls, sides, strict=True)]
     for (_, normals, _), side in zip(samples, sides, strict=True):
@@ -195,7 +197,7 @@ def place(scene: Scene) -> Placement:
     )
     if edges and walls:
         placement = _repeat_walls(scene, placement)
-    warnings += _slow_sound(scene, drop_height(placement))
+    warnings += slow_sound(scene, drop_height(placement), solids)
     return replace(placement, warnings=tuple(warnings))
 
 
@@ -290,101 +292,3 @@ def typical_speed(scene: Scene, start: Start) -> float:
     given = [start.top_speed]
     given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
     return 0.7 * math.sqrt(2.0 * scene.gravity * start.drop) or max(given)
-
-
-def _slow_sound(scene: Scene, drop: float) -> list[str]:
-    """Warnings about every material whose speed of sound is low for a fall through `drop` [m].
-
-    Density strays by about the square of the Mach number: 4 % at a fifth of the speed of sound, 1 % at a tenth.
-    Raises SceneError below five times that speed, unless the scene allows "low_sound_speed".
-    """
-    warnings = []
-    for name, material in scene.materials.items():
-        starts = [math.hypot(*fluid.velocity) for fluid in scene.fluids if fluid.material == name]
-        if not starts:
-            continue
-        starts += [math.hypot(*body.velocity) for body in scene.bodies if body.velocity]
-        speed = math.sqrt(2.0 * scene.gravity * drop + max(starts) ** 2)
-        if material.sound_speed >= 7.0 * speed:
-            continue
-        is_refused = material.sound_speed < 5.0 * speed
-        least = _round_up(5.0 * speed)
-        error = scene.error(
-            f"materials.{name}.sound_speed",
-            f"{material.sound_speed:g} m/s is {'too ' if is_refused else ''}low for a drop of {drop:.3g} m"
-            f"{f' begun at {max(starts):.3g} m/s' if max(starts) else ''}; "
-            f"at least {least:g} m/s is needed (and {2 * least:g} advised)",
-        )
-        if is_refused and "low_sound_speed" not in scene.allow:
-            raise error
-        warnings.append(str(error))
-    return warnings
-
-
-def _doubts(
-    scene: Scene, position: Array, counts: Sequence[int], drawn: Sequence[Array], edges: Sequence[Edge]
-) -> list[str]:
-    """Warnings about what can be run but was hardly meant; `drawn` are points on each wall [m], shape [n, 3]."""
-    doubts = []
-    if scene.warm_up is None:
-        for i, fluid in enumerate(scene.fluids):
-            if fluid.hold:
-                doubts.append(scene.error(f"fluids[{i}].hold", "there is no warm_up to hold it through"))
-    for i, gauge in enumerate(scene.gauges):
-        x, reach = np.array([gauge.x, gauge.y or 0.0, 0.0]), 2.0 * scene.smoothing_length
-        for edge in edges:
-            if abs(edge.normal[2]) < 1e-9 and x @ edge.normal - edge.offset < reach:
-                words = f"stands closer than 2 h = {reach:.3g} m to '{edge.name}', beyond which it sees no fluid"
-                doubts.append(scene.error(f"gauges[{i}]", words))
-    if scene.walls:
-        ground = _lowest_walls(drawn, scene.spacing)
-        ends = np.cumsum(counts).tolist()
-        for i, (count, end) in enumerate(zip(counts, ends, strict=True)):
-            sites = position[end - count : end]
-            lost, first = count_where(sites, lambda some: _without_ground(some, *ground, scene.spacing))
-            if lost:
-                words = f"{lost} particles have no wall below them, the first at {scene.spot(sites[first])}"
-                doubts.append(scene.error(f"fluids[{i}]", words))
-        low, high = around(*drawn)
-        for i, gauge in enumerate(scene.gauges):
-            for axis, place in {0: gauge.x, 1: gauge.y or 0.0}.items():
-                if not low[axis] <= place <= high[axis]:
-                    first, last, here = (x + scene.origin[axis] for x in (low[axis], high[axis], place))
-                    reach = f"which reach from {first:.12g} to {last:.12g} m"
-                    words = f"{here:.12g} m lies beyond the walls, {reach}"
-                    doubts.append(scene.error(f"gauges[{i}].{'xy'[axis]}", words))
-    return [str(doubt) for doubt in doubts]
-
-
-def _lowest_walls(drawn: Sequence[Array], spacing: float) -> tuple[Array, Array]:
-    """A corner of a square lattice [m], shape [2], and the lowest wall in and around each column of it [m].
-
-    One column more stands on every side, so that all neighbours of every column exist.
-    """
-    corner = np.min([points[:, :2].min(axis=0) for points in drawn], axis=0)
-    farthest = np.max([points[:, :2].max(axis=0) for points in drawn], axis=0)
-    lowest = np.full(np.floor((farthest - corner) / spacing).astype(np.int64) + 3, np.inf)
-    for points in drawn:
-        for begin in range(0, len(points), BLOCK):
-            some = points[begin : begin + BLOCK]
-            column = np.floor((some[:, :2] - corner) / spacing).astype(np.int64)
-            np.minimum.at(lowest, tuple(column.T + 1), some[:, 2])
-    wide, deep = np.array(lowest.shape) - 2
-    return corner, np.min([lowest[i : i + wide, k : k + deep] for i in range(3) for k in range(3)], axis=0)
-
-
-def _without_ground(sites: Array, corner: Array, lowest: Array, spacing: float) -> NDArray[np.bool_]:
-    """Whether no wall lies straight below each of `sites` [n, 3], to within one spacing, shape [n].
-
-    `corner` and `lowest` are those of `_lowest_walls`.
-    """
-    place = np.floor((sites[:, :2] - corner) / spacing).astype(np.int64)
-    beyond = np.any((place < 0) | (place >= lowest.shape), axis=1)
-    i, k = np.clip(place, 0, np.array(lowest.shape) - 1).T
-    return beyond | (sites[:, 2] < lowest[i, k])
-
-
-def _round_up(value: float) -> float:
-    """The next number of three digits."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return math.ceil(value / unit - 1e-9) * unit
