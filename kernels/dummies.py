@@ -19,7 +19,6 @@ import warp as wp
 
 from .artificial_viscosity import ARTIFICIAL_VISCOSITY
 from .layout import Layout, compiler_options
-from .momentum import TENSILE
 from .neighbours import BLOCK_EDGE, CellGrid, cell_at, place_of
 from .parameters import Parameters
 from .smoothing import SMOOTHING
@@ -222,10 +221,9 @@ def mark_blocks(first: int, grid: CellGrid, start: wp.array[int], used_out: wp.a
 
 
 @cache
-def load_dummies_kernel(smoothing: str, artificial_viscosity: str, tensile_correction: bool | str) -> wp.Kernel:
+def load_dummies_kernel(smoothing: str, artificial_viscosity: str) -> wp.Kernel:
     """A kernel that finds the force of the fluid on dummies: the reaction of what each pair does to the fluid."""
-    shape, slope = SMOOTHING[smoothing].shape, SMOOTHING[smoothing].slope
-    viscous, tensile = ARTIFICIAL_VISCOSITY[artificial_viscosity], TENSILE[tensile_correction]
+    slope, viscous = SMOOTHING[smoothing].slope, ARTIFICIAL_VISCOSITY[artificial_viscosity]
 
     @wp.kernel(module="unique", enable_backward=False)
     def load_dummies(
@@ -260,7 +258,7 @@ def load_dummies_kernel(smoothing: str, artificial_viscosity: str, tensile_corre
             P_ij = viscous(
                 parameters, parameters.wall_alpha[material], parameters.sound_speed[material], wp.dot(u, x), r
             )
-            push = V_f * V_d * (wp.max(p_f, 0.0) + p_d + tensile(parameters, p_f, p_d, shape(q)))
+            push = V_f * V_d * (wp.max(p_f, 0.0) + p_d)
             push += m * 2.0 * m_d * V_d / (rho * V_d + m_d) * P_ij
             total += push * slope(q) * x
         force_out[k] = parameters.gradient_norm * total

@@ -212,7 +212,7 @@ def rates_kernel(
                     alpha, c = wp.where(is_fluid, alpha, wall_alpha_i), wp.where(is_fluid, c, c_i)
                     Pi = m_j_over_rhobar * slope(q) * viscous(parameters, alpha, c, u_dot_x, r)
                     if wp.static(tensioned):
-                        Pi += s / rho_i * tensile(parameters, p_i, p_j, shape(q))
+                        Pi += s / rho_i * wp.where(is_fluid, tensile(parameters, p_i, p_j, shape(q)), 0.0)
                     dissipative_x -= Pi * x
                     dissipative_y -= Pi * y
                     dissipative_z -= Pi * z

@@ -68,7 +68,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_ghosts_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     list_dummies_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     press_dummies_kernel: list(product(SMOOTHING, (2, 3))),
-    load_dummies_kernel: list(product(SMOOTHING, ARTIFICIAL_VISCOSITY, TENSILE)),
+    load_dummies_kernel: list(product(SMOOTHING, ARTIFICIAL_VISCOSITY)),
     pressure_gradient_kernel: [(name, CUDA_LAYOUT) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     body_points_kernel: [(True,), (False,)],
