@@ -90,6 +90,7 @@ def space(x: int, y: int, z: int) -> Scene:
                 },
             },
         ],
+        "wall_model": {"force": "radial"},
         "images": [
             {
                 "name": "along",

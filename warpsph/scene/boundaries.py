@@ -56,25 +56,26 @@ class Wall(Part):
         return self
 
 
-# What suits a law, where it is not what suits `radial`: still water rests where it is drawn.
+# What suits a law that pushes: still water rests about where it is drawn.
 _WALL_LAWS: Mapping[str, Mapping[str, float]] = {
-    "lennard_jones": {"set_back": 0.3},
-    "monaghan_kos": {"set_back": 0.8},
-    "monaghan_kos_issa": {"strength": 0.02, "set_back": 1.35},
-    "dummy_particles": {"refinement": 1.0, "set_back": 0.0},
+    "radial": {"refinement": 3.0, "set_back": 0.95},
+    "lennard_jones": {"refinement": 3.0, "set_back": 0.3},
+    "monaghan_kos": {"refinement": 3.0, "set_back": 0.8},
+    "monaghan_kos_issa": {"refinement": 3.0, "strength": 0.02, "set_back": 1.35},
 }
 
 
 class WallModel(Part):
-    """How walls push fluid away."""
+    """What walls are made of, or how they push fluid away."""
 
-    force: Literal["radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa", "dummy_particles"] = Field(
-        "radial",
-        description="Law of the wall force [-]; radial is that of Monaghan and Kajtar. dummy_particles stand in layers "
-        "behind the wall with the pressure of the fluid before it (Adami, Hu & Adams 2012); nothing is to be tuned.",
+    force: Literal["dummy_particles", "radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa"] = Field(
+        "dummy_particles",
+        description="Law of the wall force [-]: dummy_particles stand in layers behind the wall with the pressure of the "
+        "fluid before it (Adami, Hu & Adams 2012), and nothing is to be tuned; the others push, radial as Monaghan and "
+        "Kajtar do.",
     )
     refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
-        3.0, description="Particle spacing over the spacing of wall points, beta [-]."
+        1.0, description="Particle spacing over the spacing of wall points, beta [-]; 3 for laws that push when absent."
     )
     strength: Coefficient = Field(
         0.01, description="Strength of the wall force, K / c0^2 [-]; 0.02 for monaghan_kos_issa when absent."
@@ -83,10 +84,10 @@ class WallModel(Part):
         0.0, description="Part of the speed of approach in the force of monaghan_kos, beta [-]; more than 0 damps."
     )
     set_back: Annotated[Real, Field(ge=0, le=10)] = Field(
-        0.95,
-        description="How far behind the wall line its points stand, in spacings [-]: still water then rests with its "
-        "first row half a spacing off the line, and the volume between the walls is the volume of the fluid. When "
-        "absent 0.3 for lennard_jones, 0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
+        0.0,
+        description="How far behind the wall line the points of a law that pushes stand, in spacings [-]: still water "
+        "then rests with its first row half a spacing off the line. When absent 0.95 for radial, 0.3 for lennard_jones, "
+        "0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
     )
 
     @model_validator(mode="before")
@@ -97,9 +98,8 @@ class WallModel(Part):
 
     @model_validator(mode="after")
     def _dummies_need_no_tuning(self) -> WallModel:
-        suits = {"strength": 0.01, **_WALL_LAWS["dummy_particles"]}
-        for name, value in suits.items() if self.force == "dummy_particles" else ():
-            if getattr(self, name) != value:
+        for name in ("refinement", "strength", "set_back") if self.force == "dummy_particles" else ():
+            if getattr(self, name) != type(self).model_fields[name].default:
                 raise fault("means nothing to dummy_particles, which have nothing to tune", name)
         return self
 

@@ -201,7 +201,7 @@ class Scene(Part):
         description="Whether to correct the tensile instability [-]; bounded: so far only that no pair in tension is "
         "pushed apart.",
     )
-    xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.5, description="XSPH smoothing of the velocity, epsilon [-].")
+    xsph: Annotated[Real, Field(ge=0, le=1)] = Field(0.0, description="XSPH smoothing of the velocity, epsilon [-].")
     neighbours: Literal["auto", "lists", "cells"] = Field(
         "auto",
         description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory); auto: "
