@@ -30,6 +30,7 @@ from warpsph.bodies.body_set import (
 from warpsph.bodies.facets import crate_facets, sheet_edges
 from warpsph.bodies.motion import Motion, read_table
 from warpsph.kernels.smoothing import SMOOTHING
+from warpsph.placement.drawing import closed_outline, path_legs
 from warpsph.placement.dummies import dummies_of_box, dummies_of_outline, layer_count
 from warpsph.scene.bodies import Body as BodyField
 from warpsph.scene.bodies import BodyMotion
@@ -46,7 +47,7 @@ from warpsph.shapes.mesh import (
     stood_back,
     winding_number,
 )
-from warpsph.shapes.outline import Line, Outline, closed_outline, counter_clockwise, path_legs
+from warpsph.shapes.outline import Line, Outline, counter_clockwise
 from warpsph.shapes.points import Array, in_space, spatial, turned
 from warpsph.shapes.sampling import Surface, pieces, surface_of_mesh, surface_of_outline
 from warpsph.shapes.section import plane_mass

@@ -28,6 +28,7 @@ class WeaklyCompressible:
         evaluations, sweeps, acts: As of every `Scheme`.
         neighbours: The lists that steps read.
         viscosity: Of the materials themselves.
+        fluid: What particles do in a step.
     """
 
     fields: Mapping[str, type] = {
@@ -43,7 +44,7 @@ class WeaklyCompressible:
         self.viscosity = Viscosity(model, state, self.neighbours) if model.viscous else NoViscosity()
         self._bodies = bodies or NoBodies()
         self._ghosts = self.neighbours.ghosts or NoGhosts()
-        self._fluid = Fluid(model, state, self.neighbours)
+        self.fluid = Fluid(model, state, self.neighbours)
         dummies = self.neighbours.dummies
         self._walls = (
             DummyWalls(dummies, bodies) if dummies else PointWalls(model, state, self.neighbours, self._bodies)
@@ -58,7 +59,7 @@ class WeaklyCompressible:
 
     def verlet(self) -> list[Act]:
         """Drift, kick, drift: Vasco (2014) eq 76-80. Half of the rates at a time, momentum in the middle."""
-        act, fluid, walls, bodies, clock = self._act, self._fluid, self._walls, self._bodies, self._clock
+        act, fluid, walls, bodies, clock = self._act, self.fluid, self._walls, self._bodies, self._clock
         # What does not wait for all particles goes together: threads that meet less often wait less.
         return [
             act("drift, pressure", fluid.drift_half),  # position and density to n+1/2
@@ -90,7 +91,7 @@ class WeaklyCompressible:
 
         Bodies drift, kick, drift: of the rates in the middle of a step, those of runge_kutta, they have the reaction.
         """
-        act, fluid, bodies, clock = self._act, self._fluid, self._bodies, self._clock
+        act, fluid, bodies, clock = self._act, self.fluid, self._bodies, self._clock
         reach = REACH[self._model.scene.run.integrator]
         return [
             act("pressure", fluid.pack),
@@ -113,7 +114,7 @@ class WeaklyCompressible:
 
         The velocity moves on from here by a `share` of the step, in which these rates have a `weight`.
         """
-        act, fluid, walls = self._act, self._fluid, self._walls
+        act, fluid, walls = self._act, self.fluid, self._walls
         return [
             act("walls", walls.press),
             act("work of walls", partial(walls.book, weight)),
@@ -130,11 +131,11 @@ class WeaklyCompressible:
 
     def begin(self) -> list[Stage]:
         """The rate of the first half step: without it the run would be of first order."""
-        return list(self._fluid.continuity()) if self.evaluations == 1 else []
+        return list(self.fluid.continuity()) if self.evaluations == 1 else []
 
     def settle(self) -> list[Stage]:
         """Density that does not go on."""
-        return list(self._fluid.settle())
+        return list(self.fluid.settle())
 
     def pack(self) -> list[Stage]:
         """The ghosts of what was packed."""
