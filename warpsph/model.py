@@ -154,16 +154,16 @@ class Model:
         def table(values: list[float]) -> wp.array:
             return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
 
-        p.mass = table(
-            [material.density * volume for material, volume in zip(materials, placement.volume, strict=True)]
-        )
+        # One entry more, for particles that have left: those of a fluid that is held, and that no sum counts.
+        materials, volumes = [*materials, materials[0]], [*placement.volume, placement.volume[0]]
+        p.mass = table([material.density * volume for material, volume in zip(materials, volumes, strict=True)])
         p.rest_density = table([material.density for material in materials])
         p.sound_speed = table([material.sound_speed for material in materials])
         p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])
         p.alpha = table([material.alpha for material in materials])
         p.wall_alpha = table([material.wall_alpha / points for material in materials])
-        p.still_level = table([fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids])
-        p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
+        p.still_level = table([*(fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids), -math.inf])
+        p.mobility = table([*(0.0 if fluid.hold else 1.0 for fluid in scene.fluids), 0.0])
         return p
 
     def take_initial(self) -> Initial:

@@ -17,6 +17,7 @@ from warpsph.scene.scene import Scene
 from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
+from warpsph.step.leaving import Leaving
 from warpsph.step.step import Step
 
 _FAULTS = {
@@ -65,6 +66,7 @@ class Simulation:
     Attributes:
         scene: The scene as it is seen from its origin, from which all places in here count.
         start: What there was before the first step.
+        leaving: What has left since.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class Simulation:
         self.step = Step(self.model, self.state, scheme, self.bodies)
         self.gauges = Gauges(self.model, self.state, self.step.neighbours)
         self.energy = Energy(self.model, self.state)
+        self.leaving = Leaving(self.model, self.state, self.start.box)
         self.enter_phase()
 
     @property
@@ -113,9 +116,10 @@ class Simulation:
         self.step.settling = warming and now < self.scene.start_time + warm_up.settling_time
         self.state.damping.fill_(warm_up.damping if warming else 0.0)
         held = [warming and fluid.hold for fluid in self.scene.fluids]
-        self.model.parameters.mobility.assign([0.0 if holding else 1.0 for holding in held])
+        self.model.parameters.mobility.assign([*(0.0 if holding else 1.0 for holding in held), 0.0])
         if now == 0.0:
             self.state.work.zero_()  # the energy budget begins at the release
+            self.state.energy_gone.zero_()
             if self.bodies:
                 self.bodies.release()
 
@@ -132,10 +136,22 @@ class Simulation:
         """
         self.step.aim_at(time)
         self.step.run()
-        fault = int(self.state.clock()["fault"])
-        if fault:
-            raise BlowUpError(self._describe(fault))
+        while fault := int(self.state.clock()["fault"]):
+            if not self._let_go():
+                raise BlowUpError(self._describe(fault))
+            self.step.aim_at(time)
+            self.step.run()
         self.step.find_viscosity()
+
+    def _let_go(self) -> bool:
+        """Let what left the box go, with the energy that it has; whether the run can go on."""
+        before = self.energy.measure()[0]
+        if not self.leaving.let_go(self.scene.run.absurd == "drop"):
+            return False
+        lost = before.total - self.energy.measure()[0].total
+        if math.isfinite(lost):  # what was absurd may have any energy
+            self.state.energy_gone.fill_(float(self.state.energy_gone.numpy()[0]) + lost)
+        return True
 
     def reach(self, time: float) -> None:
         """Step until `time` [s], exactly, and enter the phases that begin on the way.

@@ -30,7 +30,7 @@ class Snapshot:
         density: [kg/m3], float64, shape [particle_count].
         pressure: [Pa], float32, shape [particle_count].
         fluid: Index into the scene's fluids, int32, shape [particle_count].
-        id: 0, 1, ... particle_count - 1, int64.
+        id: 0, 1, ... particle_count - 1 less what has left, int64.
         apparent_viscosity: [Pa s], float32, shape [particle_count]; None where every viscosity is a constant.
         yielded: 1 where the fluid flows, 0 where it is a plug, int32, shape [particle_count]; None likewise.
     """
@@ -82,7 +82,7 @@ class State:
     # A particle's own history, with the fields of the scheme: permuted when slots are sorted.
     PARTICLE = ("id", "fluid", "position", "velocity", "density")
     # What a checkpoint keeps besides: with the place where particles were listed, a resumed run sums in the same order.
-    KEPT = ("time", "dt", "dt_limit", "step", "stale", "listed_position", "work")
+    KEPT = ("time", "dt", "dt_limit", "step", "stale", "listed_position", "work", "energy_gone")
 
     def __init__(self, model: Model, fields: Mapping[str, type]) -> None:
         """`fields` are those of the scheme, by name; they begin at 0."""
@@ -138,6 +138,7 @@ class State:
 
         self.blocks, self.block_count = blocks_of(count, device)  # whose sums and extremes one thread collects
         self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
+        self.energy_gone = zeros(wp.float64, 1)  # with particles that left since the release [J]
         # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain. The limit by
         # viscosity, which never changes, has the last.
         viscous_step = model.viscous.longest_step if model.viscous else np.inf
@@ -212,6 +213,9 @@ class State:
         found, clock = {name: values.numpy() for name, values in ordered.items()}, self.clock()
         found["position"], found["velocity"] = folded(m.edges, m.seen_images, found["position"], found["velocity"])
         ids = np.arange(m.particle_count, dtype=np.int64)
+        here = found["fluid"] < len(m.fluid_names)
+        if not here.all():  # some have left
+            ids, found = ids[here], {name: values[here] for name, values in found.items()}
         return Snapshot(time=float(clock["time"]), step=int(clock["step"]), id=ids, **found)
 
     def _in_id_order(self, values: wp.array) -> wp.array:
