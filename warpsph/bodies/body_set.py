@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
 from warpsph.bodies.body import Body
 from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, corners_at, joined, touching
@@ -52,7 +53,7 @@ class BodySet:
         wall_points: ContactPoints | None = None,
         *,
         dimensions: int = 2,
-        gravity: Array = (0.0, 0.0, -9.81),
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
         smoothing_length: float,
         contact: bool = True,
     ) -> None:

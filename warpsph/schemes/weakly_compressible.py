@@ -1,6 +1,6 @@
 """Weakly compressible flow: pressure by a state equation, steps short enough for sound. Vasco (2014), chapter 4."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,7 +18,7 @@ from warpsph.step.fluid import DensityFilter, Fluid
 from warpsph.step.ghosts import NoGhosts
 from warpsph.step.neighbours import Neighbours
 from warpsph.step.viscosity import NoViscosity, Viscosity
-from warpsph.step.walls import DummyWalls, PointWalls
+from warpsph.step.walls import DummyWalls, PointWalls, Walls
 
 
 class WeaklyCompressible:
@@ -41,19 +41,21 @@ class WeaklyCompressible:
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self._model, self._state = model, state
         self.neighbours = Neighbours(model, state, bodies)
-        self.viscosity = Viscosity(model, state, self.neighbours) if model.viscous else NoViscosity()
+        self.viscosity: Viscosity | NoViscosity = NoViscosity()
+        if model.viscous:
+            self.viscosity = Viscosity(model, state, self.neighbours, model.viscous)
         self._bodies = bodies or NoBodies()
         self._ghosts = self.neighbours.ghosts or NoGhosts()
         self.fluid = Fluid(model, state, self.neighbours)
         dummies = self.neighbours.dummies
-        self._walls = (
+        self._walls: Walls = (
             DummyWalls(dummies, bodies) if dummies else PointWalls(model, state, self.neighbours, self._bodies)
         )
         self._filter = DensityFilter(model, state, self.neighbours, self._ghosts)
         self._clock = Clock(model, state, self.neighbours, self._ghosts, self._bodies)
         integrator = INTEGRATORS[model.scene.run.integrator]
         self.evaluations, self.sweeps = integrator.evaluations, integrator.sweeps
-        self.acts = integrator.acts(self)
+        self.acts: Sequence[Act] = integrator.acts(self)
 
     # ---------------------------------------------------------------------------------------------- the integrators
 
