@@ -24,6 +24,7 @@ from warpsph.measure.leaks import behind_walls
 from warpsph.measure.waves import celerity, find_impact, find_wave
 from warpsph.output.checkpoint import CheckpointError, differences, find_checkpoint, read_checkpoint, write_checkpoint
 from warpsph.output.claim import FolderError, Lock, Mark, clear, digest, read_json, refuse_foreign, write_whole
+from warpsph.output.gauge_waves import read_observed
 from warpsph.output.progress import Progress, tell
 from warpsph.output.records import TIME_ROUNDING, Record, find_crest, last_time, read_record
 from warpsph.output.writers import Outputs
@@ -97,6 +98,7 @@ class Run:
         self.scene, self.folder = scene, folder
         columns = _columns(scene)
         paths = [f"{name}.csv" for name in columns]
+        read_observed(scene)  # a report at the end would be too late to miss it
         if resume and not folder.is_dir():
             raise CheckpointError(f"{folder}: no such folder")
         if not resume:

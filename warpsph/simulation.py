@@ -5,28 +5,31 @@ import math
 import warp as wp
 
 from warpsph.device.launch import Launcher
-from warpsph.kernels import integrators
+from warpsph.kernels import clock
 from warpsph.measure.energy import Energy
 from warpsph.measure.gauges import Gauges
 from warpsph.memory import counts_of, refuse_too_big, rough_counts, with_neighbours
-from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model, refuse_endless
+from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement, Start, place
-from warpsph.rheology import viscous
+from warpsph.rheology import Viscous, viscous
 from warpsph.scene.scene import Scene
+from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
 from warpsph.step.leaving import Leaving
 from warpsph.step.step import Step
 
 _FAULTS = {
-    int(integrators.NOT_FINITE): "its position, velocity or density is not a finite number",
-    int(integrators.TOO_LIGHT): f"its density fell below {LEAST_COMPRESSION:g} of its material's",
-    int(integrators.TOO_DENSE): f"its density rose above {MOST_COMPRESSION:g} times its material's",
-    int(integrators.TOO_FAST): "it moves faster than sound in its material",
-    int(integrators.OUTSIDE): "it left the box around walls and fluid",
+    int(clock.NOT_FINITE): "its position, velocity or density is not a finite number",
+    int(clock.TOO_LIGHT): f"its density fell below {LEAST_COMPRESSION:g} of its material's",
+    int(clock.TOO_DENSE): f"its density rose above {MOST_COMPRESSION:g} times its material's",
+    int(clock.TOO_FAST): "it moves faster than sound in its material",
+    int(clock.OUTSIDE): "it left the box around walls and fluid",
 }
 
+# A run of more steps is a mistake: at a millisecond each it takes a day, and rounding adds up.
+MOST_STEPS = 1e8
 # By how much a count from the drawing alone may be too high.
 ROUGH = 1.3
 
@@ -47,6 +50,14 @@ def place_within(scene: Scene, device: wp.Device) -> Placement:
     placement = place(scene)
     refuse_too_big(scene, counts_of(scene, placement), device)
     return placement
+
+
+def refuse_endless(scene: Scene, viscous: Viscous | None) -> None:
+    """Raises SceneError where the longest step of all would be taken too often."""
+    dt = WeaklyCompressible.longest_step(scene, viscous)
+    steps = (scene.run.end_time - scene.start_time) / dt
+    if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
+        raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
 
 
 class Simulation:
@@ -74,9 +85,10 @@ class Simulation:
         self.start = Start.of(placement)
         self.model = Model(scene, placement, self.launcher)
         del placement  # the state copies what it needs, and lets go of it before it allocates the rest
-        self.state = State(self.model)
+        self.state = State(self.model, WeaklyCompressible.fields)
         self.bodies = Coupling(self.model, self.state, self.start) if scene.bodies else None
-        self.step = Step(self.model, self.state, self.bodies)
+        scheme = WeaklyCompressible(self.model, self.state, self.bodies)
+        self.step = Step(self.model, self.state, scheme, self.bodies)
         self.gauges = Gauges(self.model, self.state, self.step.neighbours)
         self.energy = Energy(self.model, self.state)
         self.leaving = Leaving(self.model, self.state, self.start.box)

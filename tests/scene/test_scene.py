@@ -96,7 +96,7 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "\n  end_time: 1.0\n  qqq: 2",
-            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps",
+            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps, absurd",
         ),
         (
             "title: A tank",
@@ -119,7 +119,7 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "{end_time: 1.0, '': 5}",
-            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps",
+            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps, absurd",
         ),
         # types
         ("spacing: 0.1", "spacing: thin", "tank.yaml:2: spacing: a number is needed, not 'thin'"),
@@ -535,7 +535,7 @@ def test_all_mistakes_are_told_in_the_order_of_the_document(load):
         "tank.yaml:4: materials.water.density: a number is needed, not 'heavy'",
         "tank.yaml:10: fluids[0].materiel: no such field; did you mean 'material'?",
         "tank.yaml:13: gauges[0].x: this field is missing",
-        "tank.yaml:13: gauges[0].colour: no such field; it can be name, x, y, bottom",
+        "tank.yaml:13: gauges[0].colour: no such field; it can be name, x, y, bottom, observed",
         "tank.yaml:14: run.end_time: must be more than 0, not -1",
         "--set xsph=2: xsph: must be at most 1, not 2",
         "--set spaceing=0.1: spaceing: no such field; did you mean 'spacing'?",

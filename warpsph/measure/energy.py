@@ -62,12 +62,7 @@ class Energy:
         self._sums = wp.zeros((rows, kernels.COLUMN_COUNT), dtype=wp.float64, device=model.launcher.device)
         self._shape = (state.block_count, fluids, kernels.COLUMN_COUNT)
         self._measure = model.launcher.record(
-            kernels.sum_blocks,
-            rows,
-            [
-                *(model.parameters, state.blocks, fluids, state.position, state.velocity),
-                *(state.density, state.work, state.fluid, self._sums),
-            ],
+            kernels.sum_blocks, rows, model, state, fluid_count=fluids, sums=self._sums
         )
 
     def measure(self) -> tuple[Budget, list[Motion]]:

@@ -39,7 +39,7 @@ PLACES: Mapping[type[Part], Mapping[str, str]] = {
     BodyMotion: {"pivot": POINT},
     Body: {"at": POINT, "centre": POINT},
     Gauge: {"x": "x", "y": "y", "bottom": "z"},
-    View: {"x": "x", "z": "z"},
+    View: {"x": "x", "y": "y", "z": "z"},
 }
 
 

@@ -74,6 +74,11 @@ class Gauge(Part):
     bottom: Coordinate | None = Field(
         None, description="Height z at which the search for the surface ends [m]; the lowest wall point when absent."
     )
+    observed: Line | None = Field(
+        None,
+        description="CSV file of what was measured there [-], which the report draws: a heading, then seconds and "
+        "metres above the level at rest.",
+    )
 
 
 class WarmUp(Part):
@@ -115,11 +120,23 @@ class Run(Part):
     )
 
 
-class View(Part):
-    """The window of a picture."""
+# Fewer pictures than this of an animation look like slides [1/s].
+SMOOTH = 15.0
 
-    x: Range = Field(description="From x to x [m].")
-    z: Range = Field(description="From z to z [m].")
+Projection = Literal["front", "above", "perspective"]
+
+
+class View(Part):
+    """From where pictures are seen, and how much of the scene."""
+
+    projection: Projection | None = Field(
+        None,
+        description="From where a 3-D scene is seen [-]: front (where y is least), above, or in perspective; the last "
+        "when absent. A 2-D scene is seen from its front.",
+    )
+    x: Range | None = Field(None, description="From x to x [m]; all of it when absent.")
+    y: Range | None = Field(None, description="From y to y, in 3-D [m]; all of it when absent.")
+    z: Range | None = Field(None, description="From z to z [m]; all of it when absent.")
 
 
 class Output(Part):
@@ -130,10 +147,21 @@ class Output(Part):
     pictures: Switch = Field(True, description="Whether to draw PNG frames and an animation [-].")
     usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
     checkpoint_every: Duration = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
-    view: View | None = Field(None, description="Window of the pictures [m]; around everything when absent.")
+    usd_fields: Switch = Field(True, description="Whether the USD cache holds density and pressure [-].")
+    usd_walls: Switch = Field(True, description="Whether a renderer sees the walls of the USD cache [-].")
+    animation_rate: Rate | None = Field(
+        None,
+        description="Pictures of the animation [1/s]; when absent frames_per_second, as it happens, but 15 at least.",
+    )
+    view: View = Field(View(), description="From where pictures are seen, and how much of the scene.")
     speed_scale: Size | None = Field(
         None, description="Speed at which the colours of the pictures end [m/s]; a guess from gravity when absent."
     )
+
+    @property
+    def shown_per_second(self) -> float:
+        """Pictures of the animation [1/s]."""
+        return self.animation_rate or max(self.frames_per_second, SMOOTH)
 
 
 class Scene(Part):
@@ -431,6 +459,8 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
         plane |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("polygon", "disc", "path")}
         scalars |= {f"{path}.spin": (body.spin, "[wx, wy, wz]"), f"{path}.inertia": (body.inertia, "[Jx, Jy, Jz]")}
     needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
+    view = scene.output.view
+    spatial |= {"output.view.y": view.y, "output.view.projection": view.projection}
 
     numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
     for path, point in points.items():
@@ -486,6 +516,10 @@ def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
 
 def _find_files(data: dict[str, Any], folder: Path) -> None:
     """Make the paths of files that a scene names absolute, so that the scene of the run folder finds them too."""
+    gauges = data.get("gauges")
+    for gauge in gauges if isinstance(gauges, list) else ():
+        if isinstance(gauge, dict) and isinstance(gauge.get("observed"), str):
+            gauge["observed"] = str((folder / gauge["observed"]).resolve())
     bodies = data.get("bodies")
     for body in bodies if isinstance(bodies, list) else ():
         shape = body.get("shape") if isinstance(body, dict) else None
