@@ -12,6 +12,7 @@ import os
 import re
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ class _InputError(Exception):
 def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
     """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
     _open_closed_streams()
+    if not sys.warnoptions:  # of libraries, about nothing that a user could mend
+        warnings.simplefilter("ignore")
     options = _parser().parse_args(arguments)
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()

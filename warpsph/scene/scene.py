@@ -407,8 +407,9 @@ def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
     shifts = dict(zip("xz" if scene.dimensions == 2 else "xyz", body.velocity or (), strict=False))
     turns = {"angle": body.spin or 0.0}
     if scene.dimensions == 3:
-        spin = body.spin if isinstance(body.spin, tuple) else ()  # another number of them is told elsewhere
-        turns = dict(zip(("turn_x", "turn_y", "turn_z"), spin, strict=False))
+        turns = dict(
+            zip(("turn_x", "turn_y", "turn_z"), body.spin if isinstance(body.spin, tuple) else (), strict=False)
+        )
     for name, starts in {"velocity": shifts, "spin": turns}.items():
         for way, value in starts.items():
             if value and way in body.locked:
