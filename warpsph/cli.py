@@ -233,12 +233,15 @@ def _finish(run: Any) -> int:
     from warpsph.run import BLEW_UP, STOPPED
 
     facts = run.execute()
-    _print(summary(facts, run.folder))
+    told, complaint, code = summary(facts, run.folder), "", OK
     if facts["outcome"] == BLEW_UP:
-        return _complain(f"blew up: {facts['why']}", BLOWN_UP)
+        complaint, code = f"blew up: {facts['why']}", BLOWN_UP
     if facts["outcome"] == STOPPED:
-        return _complain(f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY)
-    return OK
+        complaint, code = f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY
+    with (run.folder / "log.txt").open("a", encoding="utf-8") as log:
+        log.write("\n".join(filter(None, (told, complaint))) + "\n")
+    _print(told)
+    return _complain(complaint, code) if complaint else OK
 
 
 def summary(facts: dict[str, Any], folder: Path) -> str:
