@@ -60,6 +60,15 @@ def test_run_folder_holds_what_the_readme_says(finished):
     assert (time_column[0], time_column[-1], len(time_column)) == (0.0, 0.1, 21)
 
 
+def test_the_log_holds_what_the_terminal_showed(tmp_path, capsys):
+    slow = ["--set", "materials.water.sound_speed=11", "--set", "allow=[low_sound_speed]"]
+    assert run("scene", LANDSLIDE, *COARSE, *slow, "--until", "0.02", "--out", tmp_path / "run") == OK
+    shown, log = capsys.readouterr(), (tmp_path / "run" / "log.txt").read_text()
+    assert "m/s is too low for" in shown.err
+    for line in shown.out.splitlines() + [line for line in shown.err.splitlines() if line.startswith("warning: ")]:
+        assert line.removeprefix("warning: ") in log
+
+
 def test_resume_goes_on_to_a_later_end_with_the_same_bits(finished, tmp_path):
     first, whole = tmp_path / "first", tmp_path / "whole"
     often = [*COARSE, "--set", "output.checkpoint_every=0.05"]

@@ -12,6 +12,7 @@ import os
 import re
 import sys
 import time
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ class _InputError(Exception):
 def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
     """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
     _open_closed_streams()
+    if not sys.warnoptions:  # of libraries, about nothing that a user could mend
+        warnings.simplefilter("ignore")
     options = _parser().parse_args(arguments)
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()
@@ -230,12 +233,15 @@ def _finish(run: Any) -> int:
     from warpsph.run import BLEW_UP, STOPPED
 
     facts = run.execute()
-    _print(summary(facts, run.folder))
+    told, complaint, code = summary(facts, run.folder), "", OK
     if facts["outcome"] == BLEW_UP:
-        return _complain(f"blew up: {facts['why']}", BLOWN_UP)
+        complaint, code = f"blew up: {facts['why']}", BLOWN_UP
     if facts["outcome"] == STOPPED:
-        return _complain(f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY)
-    return OK
+        complaint, code = f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY
+    with (run.folder / "log.txt").open("a", encoding="utf-8") as log:
+        log.write("\n".join(filter(None, (told, complaint))) + "\n")
+    _print(told)
+    return _complain(complaint, code) if complaint else OK
 
 
 def summary(facts: dict[str, Any], folder: Path) -> str:

@@ -80,11 +80,15 @@ def facet_legs(found: Facets, depth: float) -> list[ContactLeg]:
         reach = float(np.linalg.norm(face.corners - middle, axis=1).max())
         way = {"origin": face.corners[0], "along": face.along, "normal": face.normal}
         legs.append(ContactLeg(int(contact_kernels.FACE), **way, center=middle, reach=reach + depth, face=face))
-    for edge in found.edges:
-        middle = edge.start + 0.5 * edge.length * edge.way
-        way = {"origin": edge.start, "along": edge.way, "normal": np.cross(edge.way, edge.into[0])}
-        about = {"length": edge.length, "center": middle, "reach": 0.5 * edge.length + depth}
-        legs.append(ContactLeg(int(contact_kernels.EDGE), **way, **about, into=edge.into))
+    if not found.edges:
+        return legs
+    start, way, into = (np.array([getattr(edge, name) for edge in found.edges]) for name in ("start", "way", "into"))
+    lengths = [edge.length for edge in found.edges]
+    middles, normals = start + 0.5 * np.array(lengths)[:, None] * way, np.cross(way, into[:, 0])
+    for k, length in enumerate(lengths):
+        axes = {"origin": start[k], "along": way[k], "normal": normals[k]}
+        about = {"length": length, "center": middles[k], "reach": 0.5 * length + depth}
+        legs.append(ContactLeg(int(contact_kernels.EDGE), **axes, **about, into=into[k]))
     return legs
 
 

@@ -166,6 +166,10 @@ def name_lines(figure: Figure, axes: Axes) -> None:
     )
 
 
+# More curves than this in one panel cannot be told apart, and their names leave it no room.
+MOST_CURVES = 24
+
+
 def gauge_figure(
     levels: Curves, observed: Curves | None = None, size: tuple[float, float] = (9.0, 4.2)
 ) -> tuple[Figure, Axes]:
@@ -177,6 +181,7 @@ def gauge_figure(
         size: [inch].
     """
     figure, (axes,) = new_plots(1, size)
+    levels = dict(list(levels.items())[:MOST_CURVES])
     for (name, record), color in zip(levels.items(), line_colors(len(levels)), strict=True):
         time, level = record[TIME], record["level [m]"]
         amplitude, at = find_crest(time, level)

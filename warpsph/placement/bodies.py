@@ -22,12 +22,19 @@ from warpsph.placement.solids import Form, axis_of, form_of
 from warpsph.scene.bodies import Body as BodyField
 from warpsph.scene.bodies import BodyMotion
 from warpsph.scene.scene import Scene
-from warpsph.shapes.points import Array, spatial
+from warpsph.scene.shapes import Solid as SolidField
+from warpsph.shapes.mesh import Mesh
+from warpsph.shapes.points import Array, around, spatial
 from warpsph.shapes.surface import Crate, Sheet
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2
 NOWHERE = (0.0, 0.0, 0.0)
+
+# A body wider than the walls by so much, or so far away from them, is a slip of the unit or of the place.
+MOST_OF_ROOM = 5.0
+# Points of a body, each with lists of its own.
+MOST_POINTS = 3e6
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,7 @@ def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
     solids: list[Solid] = []
     for i, body in enumerate(scene.bodies):
         path = f"bodies[{i}]"
-        solid = _solid(scene, path, body)
+        solid = _solid(scene, path, body, around(*drawn) if drawn else None)
         for wall, points in zip(scene.walls, drawn, strict=True):
             if (spot := _overlap(scene, solid, points)) is not None:
                 raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {scene.spot(spot)}")
@@ -131,11 +138,38 @@ def contact_of_walls(
     return legs, joined(points)
 
 
-def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
-    """One body in its place."""
+def _refuse_misplaced(scene: Scene, shape: SolidField, mesh: Mesh, room: tuple[Array, Array] | None) -> None:
+    """Raises ValueError for a mesh in another unit or in another place, and for one of too many points.
+
+    `room` is around the walls: lower and upper corner [m].
+    """
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    size = float((high - low).max())
+    if room:
+        wide = float((room[1] - room[0]).max())
+        scale = shape.mesh.scale if shape.mesh else 1.0
+        if size > MOST_OF_ROOM * wide:
+            hint = f"; millimetres? scale: {1e-3 * scale:g}" if shape.mesh else ""
+            raise ValueError(f"it is {size:.3g} m wide, and the walls {wide:.3g} m{hint}")
+        gap = float(np.linalg.norm(np.maximum(np.maximum(low - room[1], room[0] - high), 0.0)))
+        if gap > MOST_OF_ROOM * max(wide, size):
+            words = f"{gap:.3g} m from the walls, around {scene.spot(0.5 * (low + high))}"
+            raise ValueError(f"it lies {words}; 'at' puts it elsewhere")
+    if shape.mesh and size < 2.0 * scene.spacing:
+        hint = f"; another unit? scale: {1e3 * shape.mesh.scale:g}"
+        raise ValueError(f"it is {size:.3g} m wide, less than two spacings{hint}")
+    area = float(np.linalg.norm(mesh.areas, axis=1).sum())
+    if (points := area / scene.wall_spacing**2) > MOST_POINTS:
+        raise ValueError(f"its surface of {area:.3g} m2 would take {points:.2g} points; {MOST_POINTS:.0e} is the most")
+
+
+def _solid(scene: Scene, path: str, body: BodyField, room: tuple[Array, Array] | None) -> Solid:
+    """One body in its place; `room` is around the walls: lower and upper corner [m]."""
     set_back, spacing = scene.wall_model.set_back * scene.spacing, scene.wall_spacing
     try:
         form = form_of(scene, path, body)
+        if form.mesh:
+            _refuse_misplaced(scene, body.shape, form.mesh, room)
         mass = form.mass(body.density, body.mass, body.centre, body.inertia)
         if scene.wall_model.force == "dummy_particles":
             surface = form.dummies(scene.spacing, _support(scene))

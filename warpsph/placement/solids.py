@@ -22,12 +22,12 @@ from warpsph.shapes.mesh import (
     Mesh,
     ball_mass,
     box_mesh,
+    contains,
     distance_to_mesh,
     read_mesh,
     solid_mass,
     sphere_mesh,
     stood_back,
-    winding_number,
 )
 from warpsph.shapes.outline import Line, Outline, counter_clockwise
 from warpsph.shapes.points import Array, in_space, turned
@@ -159,7 +159,7 @@ class Faceted:
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """As of every `Form`."""
         inside = np.all((points > self.mesh.vertices.min(axis=0)) & (points < self.mesh.vertices.max(axis=0)), axis=1)
-        inside[inside] = winding_number(self.mesh, points[inside]) > 0.5
+        inside[inside] = contains(self.mesh, points[inside])
         return inside
 
     def distance(self, points: Array) -> Array:

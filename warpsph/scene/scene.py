@@ -74,7 +74,7 @@ class Gauge(Part):
     bottom: Coordinate | None = Field(
         None, description="Height z at which the search for the surface ends [m]; the lowest wall point when absent."
     )
-    observed: str | None = Field(
+    observed: Line | None = Field(
         None,
         description="CSV file of what was measured there [-], which the report draws: a heading, then seconds and "
         "metres above the level at rest.",

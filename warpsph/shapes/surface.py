@@ -25,7 +25,8 @@ def contains(polygon: Array, points: Array) -> NDArray[np.bool_]:
     x, z = points[:, 0], points[:, 1]
     for (ax, az), (bx, bz) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if az != bz:
-            inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
+            with np.errstate(over="ignore"):  # of a side that is next to level: which part of it counts, one cannot say
+                inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
     return inside
 
 

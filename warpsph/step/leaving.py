@@ -90,7 +90,7 @@ class Leaving:
         old["density"][slots] = self._model.parameters.rest_density.numpy()[nobody]
         for name in names[1:]:
             getattr(s, name).assign(old[name])
-        for name in ("acceleration", "density_rate", "last_diffusion_rate", "xsph_velocity"):
+        for name in set(s.particle_names) - set(names):  # rates and whatever else a scheme keeps of them
             values = getattr(s, name).numpy()
             values[slots] = 0.0
             getattr(s, name).assign(values)
