@@ -106,6 +106,12 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
         one.add_argument("--threads", type=_positive, help="CPU threads (default: all cores)")
 
+    surface = command("surface", _surface, "make a mesh of the water's surface, frame by frame, in the cache of a run")
+    surface.add_argument("run", type=Path, help="run folder")
+    surface.add_argument(
+        "--threads", type=_positive, default=os.cpu_count() or 1, help="CPU threads (default: all cores)"
+    )
+
     report = command("report", _report, "write the HTML page of a run again")
     report.add_argument("run", type=Path, help="run folder")
     command("list", _list, "name the scenes that ship with warpsph")
@@ -378,6 +384,27 @@ def _report(options: argparse.Namespace) -> int:
     except ReportError as error:
         return _complain(str(error), INPUT)
     return OK
+
+
+def _surface(options: argparse.Namespace) -> int:
+    from warpsph.output.surface import SurfaceError, make_surface
+
+    folder = options.run / "usd"
+    found = []
+    try:
+        for mesh in make_surface(folder, options.threads):
+            found.append(mesh)
+            tell(f"frame {mesh.frame}, {mesh.fluid}: moved by {mesh.moved:+.3f} spacings\n", sys.stderr)
+    except SurfaceError as error:
+        return _complain(str(error), INPUT)
+    open_ones = [mesh for mesh in found if not mesh.is_closed]
+    low, high = (pick(mesh.share for mesh in found) for pick in (min, max))
+    farthest = max(abs(mesh.moved) for mesh in found)
+    shares = f"{low:.4f} to {high:.4f} of the volume of the particles"
+    _print(f"{folder / 'surface.usda'}: {shares}, for which it was moved by {farthest:.2f} spacings at most")
+    for mesh in open_ones:
+        _print(f"frame {mesh.frame}, {mesh.fluid}: is not watertight")
+    return INVALID if open_ones else OK
 
 
 def _list(options: argparse.Namespace) -> int:
