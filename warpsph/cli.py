@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +111,29 @@ def _parser() -> argparse.ArgumentParser:
     surface.add_argument(
         "--threads", type=_positive, default=os.cpu_count() or 1, help="CPU threads (default: all cores)"
     )
+
+    sweep = command(
+        "sweep", _sweep, "run a scene many times with fields varied: all combinations, or samples of ranges"
+    )
+    sweep.add_argument("file", type=Path, metavar="SCENE", help="scene file (YAML), or a name that `list` prints")
+    sweep.add_argument(
+        "--set", action="append", default=[], metavar="PATH=A,B,C", help="values of a field, or its range LOW:HIGH"
+    )
+    sweep.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+    sweep.add_argument("--samples", type=_positive, help="a Latin hypercube of so many members in the ranges")
+    sweep.add_argument("--seed", type=int, default=0, help="of the samples (default: 0)")
+    sweep.add_argument("--out", type=Path, help="folder for the members (default: runs/NAME_sweep)")
+    sweep.add_argument(
+        "--workers", type=_positive, help="members at a time; they share the cores (default: a core each)"
+    )
+    sweep.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
+    sweep.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the members, such as tcp://..."
+    )
+
+    compare = command("compare", _compare, "lay the gauges of runs over each other, with how far each is off the first")
+    compare.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folders, two or more")
+    compare.add_argument("--out", type=Path, default=Path("compare.html"), help="the page (default: compare.html)")
 
     report = command("report", _report, "write the HTML page of a run again")
     report.add_argument("run", type=Path, help="run folder")
@@ -405,6 +428,63 @@ def _surface(options: argparse.Namespace) -> int:
     for mesh in open_ones:
         _print(f"frame {mesh.frame}, {mesh.fluid}: is not watertight")
     return INVALID if open_ones else OK
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from warpsph import sweep
+    from warpsph.output.pages import PageError
+
+    file = _scene_file(options.file)
+    folder = options.out or Path("runs") / f"{file.stem}_sweep"
+    workers, threads = sweep.share_cores(options.workers, sweep.core_count())
+
+    def run(todo: Sequence[sweep.Member]) -> Iterator[sweep.Result]:
+        if options.scheduler:
+            return sweep.run_on_cluster(todo, folder, address=options.scheduler, device=options.device)
+        on = {"workers": workers, "threads": threads, "device": options.device}
+        return sweep.run_locally(file, todo, folder, **on)
+
+    try:
+        settings = sweep.read_settings(options.set)
+        if options.samples:
+            choices = sweep.latin_hypercube(settings, options.samples, options.seed)
+        else:
+            choices = sweep.product(settings)
+        members = sweep.members(file, choices, options.until)
+        if all(member.scene is None for member in members):
+            raise sweep.SweepError(members[0].refused)
+        order = {member.name: i for i, member in enumerate(members)}
+        results = []
+        for result in sweep.sweep(members, folder, run):
+            results.append(result)
+            why = f", {result.why}" if result.why else ""
+            tell(f"{len(results)} of {len(members)}: {result.member.name}: {result.outcome}{why}\n", sys.stderr)
+        results.sort(key=lambda result: order[result.member.name])
+        title = next(member.scene.title for member in members if member.scene)
+        _print(sweep.write_results(results, folder, f"{title}: a sweep"))
+    except (sweep.SweepError, PageError) as error:
+        return _complain(str(error), INPUT)
+    return OK if all(result.outcome == "done" for result in results) else INVALID
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from warpsph.compare import HEADINGS, CompareError, write_comparison
+    from warpsph.output.pages import PageError
+
+    if len({run.resolve() for run in options.runs}) < 2:
+        raise _InputError("compare needs two run folders or more")
+    if not options.out.absolute().parent.is_dir():
+        raise _InputError(f"{options.out}: --out needs a folder that is there")
+    try:
+        found = write_comparison(options.runs, options.out)
+    except (CompareError, PageError) as error:
+        return _complain(str(error), INPUT)
+    for row in found.rows:
+        numbers = zip(HEADINGS[1:], row[1:], strict=True)
+        told = (f"{heading.replace(' [', f' {value:.4g} [')}" for heading, value in numbers if value is not None)
+        _print(f"{row[0]}: {', '.join(told)}")
+    _print(options.out)
+    return OK
 
 
 def _list(options: argparse.Namespace) -> int:

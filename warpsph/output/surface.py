@@ -6,9 +6,10 @@
 
 The mesh is where the share of space that particles fill, summed over them with a smoothing kernel, falls to that of a
 flat surface half a spacing beyond the outermost particles (`flat_share`). It is then moved along its normals by the
-little that is too much or missing, where there is spray, so that it encloses what the particles stand for. It is made by
-pysplashsurf, by marching cubes (Löschner, Böttcher, Jeske & Bender 2023, Weighted Laplacian smoothing for surface
-reconstruction of particle-based fluids).
+little that is too much or missing, where there is spray, so that it encloses what the particles stand for.
+
+pysplashsurf makes it, by marching cubes (Löschner, Böttcher, Jeske & Bender 2023, Weighted Laplacian smoothing for
+surface reconstruction of particle-based fluids).
 """
 
 from __future__ import annotations
