@@ -279,6 +279,14 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
         f"  behind walls    {facts['particles behind walls']:,} particles",
     ]
+    if left := facts.get("left"):
+        unit = next(name for name in left if name.startswith("volume"))
+        lines.append(
+            f"  left the tank   {left['particles']:,} particles, {left[unit]:.3g} {unit[8:-1]}, "
+            f"{left['share of all particles']:.2%} of all, from t = {left['first [s]']:.3f} s on (left.csv)"
+        )
+        if left["dropped as absurd"]:
+            lines.append(f"  dropped         {left['dropped as absurd']:,} of these, which had become absurd")
     if "energy drift / converted" in conservation:
         lines.append(
             f"  energy sum      drifts by {conservation['energy drift / converted']:.2%} of the energy converted"

@@ -41,10 +41,12 @@ class Gauges:
         self._find_fraction = model.launcher.record(
             volume_fraction_kernel(model.scene.smoothing.kernel),
             len(self._points),
-            [
-                *(model.grid, model.parameters, model.support + model.longest_motion, self._cells.start),
-                *(self._points, self._read, self._fraction),
-            ],
+            model,
+            reach=model.support + model.longest_motion,
+            start=self._cells.start,
+            point=self._points,
+            position_volume=self._read,
+            fraction=self._fraction,
         )
 
     def _column(self, bottom: float, top: float) -> np.ndarray:

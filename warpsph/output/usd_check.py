@@ -230,8 +230,11 @@ def _motion_problems(before: Arrays, after: Arrays, dt: float, diameter: float, 
     particle in two hundred of the slide still goes farther in the frame of the impact: one in twenty may. A whole
     number of `periods` [m], shape [n, 3], counts as no way: what leaves through a periodic edge comes in at the other.
     """
+    stayed = np.isin(before["ids"], after["ids"])  # what has left the scene does not come back
+    if not stayed.all():
+        before = {name: values[stayed] for name, values in before.items() if len(values) == len(stayed)}
     if not np.array_equal(before["ids"], after["ids"]):
-        yield "ids differ from the frame before"
+        yield "ids are not those of the frame before"
         return
     moved = after["points"].astype(np.float64) - before["points"]
     velocity, next_velocity = (arrays["velocities"].astype(np.float64) for arrays in (before, after))
