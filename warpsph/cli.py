@@ -478,6 +478,7 @@ def _sweep(options: argparse.Namespace) -> int:
 def _compare(options: argparse.Namespace) -> int:
     from warpsph.compare import HEADINGS, CompareError, write_comparison
     from warpsph.output.pages import PageError
+    from warpsph.output.plots import split_heading
 
     if len({run.resolve() for run in options.runs}) < 2:
         raise _InputError("compare needs two run folders or more")
@@ -488,8 +489,8 @@ def _compare(options: argparse.Namespace) -> int:
     except (CompareError, PageError) as error:
         return _complain(str(error), INPUT)
     for row in found.rows:
-        numbers = zip(HEADINGS[1:], row[1:], strict=True)
-        told = (f"{heading.replace(' [', f' {value:.4g} [')}" for heading, value in numbers if value is not None)
+        numbers = zip(map(split_heading, HEADINGS[1:]), row[1:], strict=True)
+        told = (" ".join((name, f"{value:.4g}", unit)).strip() for (name, unit), value in numbers if value is not None)
         _print(f"{row[0]}: {', '.join(told)}")
     _print(options.out)
     return OK
