@@ -439,7 +439,8 @@ class UsdCache:
         away = np.cross(eye.up, eye.right)
         wide, tall, deep = (float(np.abs(direction) @ reach) for direction in (eye.right, eye.up, away))
         camera = UsdGeom.Camera.Define(stage, CAMERA)
-        aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetVerticalApertureAttr().Get()
+        aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetHorizontalApertureAttr().Get() * 9.0 / 16.0
+        camera.CreateVerticalApertureAttr(aperture[1])
         focal = camera.GetFocalLengthAttr().Get()
         # So far off that what is nearest still fits, with a tenth of air around it.
         distance = deep + 1.1 * 2.0 * focal * max(wide / aperture[0], tall / aperture[1])
