@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from warpsph.output.report import ReportError, told, write_report
+from warpsph.output.pages import told
+from warpsph.output.report import ReportError, write_report
 
 FACTS = {
     "title": "Slide <into> water",
