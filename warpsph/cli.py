@@ -256,7 +256,7 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
     for name, gauge in facts["gauges"].items():
         lines.append(
             f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
-            f"at t = {gauge['crest time [s]']:.3f} s"
+            f"at t = {gauge['crest time [s]']:.3f} s{', still rising' if gauge.get('still rising') else ''}"
         )
     for name, impact in facts.get("impacts", {}).items():
         lines.append(
@@ -304,6 +304,10 @@ def _check(options: argparse.Namespace) -> int:
         _print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
     if facts.viscous_stages:
         _print(f"  viscous sweeps  {facts.viscous_stages} a step")
+    if scene.wave_maker:
+        from warpsph.bodies.wave_maker import in_words
+
+        _print(f"  wave maker      {in_words(scene.wave_maker, scene.run.end_time, scene.gravity)}")
     _print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
     by = f"{launcher.threads} thread(s), by the first steps and a coarse rehearsal"
     _print(f"  time            about {_duration(seconds)} on {by}; output not counted")

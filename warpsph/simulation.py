@@ -6,6 +6,7 @@ from warpsph.device.launch import Launcher
 from warpsph.kernels import integrators
 from warpsph.measure.energy import Energy
 from warpsph.measure.gauges import Gauges
+from warpsph.measure.instruments import Instruments
 from warpsph.memory import counts_of, refuse_too_big, rough_counts, with_neighbours
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model, refuse_endless
 from warpsph.placement.origin import localised
@@ -73,7 +74,9 @@ class Simulation:
         self.state = State(self.model)
         self.bodies = Coupling(self.model, self.state, self.start) if scene.bodies else None
         self.step = Step(self.model, self.state, self.bodies)
-        self.gauges = Gauges(self.model, self.state, self.step.neighbours)
+        read = (self.model, self.state, self.step.neighbours)
+        self.gauges = Gauges(*read)
+        self.instruments = Instruments(*read, self.bodies)
         self.energy = Energy(self.model, self.state)
         self.enter_phase()
 
@@ -108,7 +111,7 @@ class Simulation:
     def kept(self) -> dict[str, wp.array]:
         """The arrays that a checkpoint keeps, by name."""
         arrays = {name: getattr(self.state, name) for name in self.state.kept_names}
-        return arrays | (self.bodies.kept() if self.bodies else {})
+        return arrays | (self.bodies.kept() if self.bodies else {}) | self.instruments.kept()
 
     def advance(self, time: float) -> None:
         """Step until `time` [s], exactly; what outputs show besides the state is of that time then.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from warpsph.device.cells import Cells, cell_grid
 from warpsph.kernels import leaks as kernels
 from warpsph.model import Model
+from warpsph.shapes.surface import wall_surface
 
 # Cells grow to twice their width from one round to the next. Of the wall points one is left, of each way that they
 # face, in each of so many parts of a cell along its edge.
@@ -36,9 +37,12 @@ def behind_walls(model: Model, position: wp.array | NDArray[np.float64]) -> NDAr
 
 def _levels(model: Model) -> Iterator[tuple]:
     """Grid, radius [m], starts of cells, points and normals of each round; the last sees all of its points."""
-    grid, position, normal = model.grid, model.wall_position, model.wall_normal
-    yield grid, min(grid.reach[0], 2) / grid.inverse_edge, model.wall_start, position, normal
-    device, edge = model.launcher.device, 2.0 / grid.inverse_edge
+    grid, device = model.grid, model.launcher.device
+    position, normal, start = model.wall_position, model.wall_normal, model.wall_start
+    if model.has_dummies:
+        position, normal, start = _drawn(model)
+    yield grid, min(grid.reach[0], 2) / grid.inverse_edge, start, position, normal
+    edge = 2.0 / grid.inverse_edge
     points, normals = position.numpy(), normal.numpy()
     lower, upper = points.min(axis=0), points.max(axis=0)
     is_last = False
@@ -56,6 +60,23 @@ def _levels(model: Model) -> Iterator[tuple]:
         normal = wp.array(normals, dtype=wp.vec3, device=device)
         yield grid, math.inf if is_last else 2.0 / grid.inverse_edge, cells.start, position, normal
         edge = 2.0 / grid.inverse_edge
+
+
+def _drawn(model: Model) -> tuple[wp.array, wp.array, wp.array]:
+    """Points on the walls as drawn [m], their normals towards the fluid, and the starts of cells: of walls whose own
+    points are the dummy particles behind them."""
+    samples = []
+    for i, side in enumerate(model.sides):
+        points, normals, _ = wall_surface(model.scene, i).sample(0.5 * model.spacing)
+        samples.append((points, side * normals))
+    points, normals = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+    position, normal = (wp.array(values, dtype=wp.vec3, device=model.launcher.device) for values in (points, normals))
+    cells = Cells(model.grid, position, model.launcher)
+    cells.sort()
+    order = cells.order.numpy()[: len(points)]
+    position.assign(points[order])
+    normal.assign(normals[order])
+    return position, normal, cells.start
 
 
 def _one_in_each(

@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 from matplotlib.figure import Figure
 
+from warpsph.output.analysis import instrument_plots
 from warpsph.output.frames import INK, LINE_PALETTE, fluid_colors, gauge_picture, new_plots
 from warpsph.output.records import read_record
 
@@ -71,7 +72,10 @@ def write_report(run_dir: Path) -> Path:
     facts = _read_facts(run_dir)
     body = "\n".join(
         part
-        for section in (_summary(facts), _gauges(run_dir, facts), _pictures(run_dir), _plots(run_dir), _facts(facts))
+        for section in (
+            *(_summary(facts), _gauges(run_dir, facts), _instruments(run_dir), _pictures(run_dir), _plots(run_dir)),
+            _facts(facts),
+        )
         for part in section
     )
     page = run_dir / "report.html"
@@ -126,6 +130,16 @@ def _gauges(run_dir: Path, facts: Mapping[str, Any]) -> Iterator[str]:
             gauge_picture(records, drawn)
         picture = drawn.getvalue() if isinstance(drawn, BytesIO) else drawn.read_bytes()
         yield _image(picture, "Level above that at rest over time, at each gauge")
+
+
+def _instruments(run_dir: Path) -> Iterator[str]:
+    """The records of probes, forces, run-up and overtopping, and what was observed."""
+    last = ""
+    for heading, caption, figure in instrument_plots(run_dir):
+        if heading != last:
+            yield f"<h2>{escape(heading)}</h2>"
+        last = heading
+        yield _plot(figure, caption)
 
 
 def _pictures(run_dir: Path) -> Iterator[str]:

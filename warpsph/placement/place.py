@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
+from warpsph.placement.damping import refuse_long_zones
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.images import Edge, find_edges, find_images
 from warpsph.placement.origin import localised
@@ -317,6 +318,7 @@ def place(scene: Scene) -> Placement:
     counts = [len(sites) for sites in placed]
     position = _joined([_jittered(scene, i, sites) for i, sites in enumerate(placed)])
     del placed, sites, depth
+    refuse_long_zones(scene, position)
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)

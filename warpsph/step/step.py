@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from warpsph.device.launch import Launch, floats
-from warpsph.kernels import corrections, density, integrators, neighbours, walls
+from warpsph.kernels import corrections, damping, density, integrators, neighbours, walls
 from warpsph.kernels.rates import rates_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.model import Model
@@ -48,6 +48,8 @@ class Step:
         self._rebuild()
         self._record()
         self._pack()
+        if self.neighbours.dummies:
+            self.neighbours.dummies.press()  # the sweep below would read whatever memory holds
         if self.evaluations == 1:
             self._sweep(momentum=False)()  # the first half step needs a rate too, or the run is of first order
         self.find_viscosity()
@@ -153,6 +155,7 @@ class Step:
             **self._viscosity(),  # the materials' own
             **self._take_loads(),
             "kick, drift": self._kick(),  # velocity and position to n+1, work, limits of the next step
+            **self._damp(),
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
             **self._move_ghosts(" at the end"),
             **self._show_walls(),
@@ -182,6 +185,7 @@ class Step:
             **self._evaluation(" ahead", weight=0.5 / reach),
             **self._take_loads(),
             "correct": self._correct(),  # everything to n+1, work, limits of the next step
+            **self._damp(),
             **({"kick, contact, drift of bodies": bodies.kick_and_drift()} if bodies else {}),
             "watch": launcher.chain(self._bound_motion(), self._watch()),
             **self._end(),
@@ -338,6 +342,14 @@ class Step:
             *(s.position, s.velocity, s.density, s.last_diffusion_rate, s.position_volume, s.velocity_pressure),
             *(s.acceleration, s.particle_work, s.particle_dt_limit, s.particle_fault),
         )
+
+    def _damp(self) -> dict[str, Stage]:
+        """What damping zones take from waves, if there are any."""
+        s, m = self.state, self.model
+        if m.zones is None:
+            return {}
+        waves = (s.position_volume, s.velocity, s.velocity_pressure, s.particle_work)
+        return {"damping zones": self._launch(damping.damp_in_zones, m.zones, s.dt, s.fluid, *waves)}
 
     def _launch_pack(self) -> Launch:
         s = self.state
