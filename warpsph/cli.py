@@ -107,6 +107,24 @@ def _parser() -> argparse.ArgumentParser:
 
     report = command("report", _report, "write the HTML page of a run again")
     report.add_argument("run", type=Path, help="run folder")
+    screen = command(
+        "screen", _screen, "the wave of a slide by the hand formulae of VAW-Mitteilungen 254 (2019), with their limits"
+    )
+    for name, words in {
+        "speed": "of the slide's centre at the impact [m/s]",
+        "thickness": "of the slide [m]",
+        "depth": "of still water [m]",
+        "slope": "of its path [degrees]",
+        "density": "of the slide with its pores [kg/m3]",
+        "width": "of the slide, in a channel of this [m]",
+        "volume": "of the slide with its pores [m3]",
+    }.items():
+        screen.add_argument(f"--{name}", type=_above_zero, required=True, metavar="NUMBER", help=words)
+    screen.add_argument(
+        "--distance", type=_above_zero, metavar="NUMBER", help="a place to tell the wave of as well [m]"
+    )
+    screen.add_argument("--basin", action="store_true", help="waves that spread in a basin, not in a channel")
+    screen.add_argument("--angle", type=float, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin")
     command("list", _list, "name the scenes that ship with warpsph")
     command("schema", _schema, "print the JSON Schema of a scene file, for editors")
     return parser
@@ -121,6 +139,13 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be 1 or more, not {value}")
+    return value
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be more than 0, not {text}")
     return value
 
 
@@ -371,6 +396,22 @@ def _report(options: argparse.Namespace) -> int:
         _print(write_report(options.run))
     except ReportError as error:
         return _complain(str(error), INPUT)
+    return OK
+
+
+def _screen(options: argparse.Namespace) -> int:
+    from warpsph.theory.impulse import Slide, in_words
+
+    if options.slope > 90.0:
+        raise _InputError(f"--slope: must be at most 90 degrees, not {options.slope:g}")
+    if options.angle and not options.basin:
+        raise _InputError("--angle goes with --basin")
+    if abs(options.angle) > 90.0:
+        raise _InputError(f"--angle: must be from -90 to 90 degrees, not {options.angle:g}")
+    names = ("speed", "thickness", "volume", "density", "slope", "width", "depth")
+    slide = Slide(**{name: getattr(options, name) for name in names})
+    for line in in_words(slide, options.distance, basin=options.basin, angle=options.angle):
+        _print(line)
     return OK
 
 
