@@ -17,13 +17,13 @@ from functools import cache
 
 import warp as wp
 
+from .artificial_viscosity import ARTIFICIAL_VISCOSITY
 from .layout import Layout, compiler_options
 from .momentum import TENSILE
 from .neighbours import BLOCK_EDGE, CellGrid, cell_at, place_of
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import density_of
-from .viscosity import VISCOSITY
 
 
 @cache
@@ -222,10 +222,10 @@ def mark_blocks(first: int, grid: CellGrid, start: wp.array[int], used_out: wp.a
 
 
 @cache
-def load_dummies_kernel(smoothing: str, viscosity: str, tensile_correction: bool | str) -> wp.Kernel:
+def load_dummies_kernel(smoothing: str, artificial_viscosity: str, tensile_correction: bool | str) -> wp.Kernel:
     """A kernel that finds the force of the fluid on dummies: the reaction of what each pair does to the fluid."""
     shape, slope = SMOOTHING[smoothing].shape, SMOOTHING[smoothing].slope
-    viscous, tensile = VISCOSITY[viscosity], TENSILE[tensile_correction]
+    viscous, tensile = ARTIFICIAL_VISCOSITY[artificial_viscosity], TENSILE[tensile_correction]
 
     @wp.kernel(module="unique", enable_backward=False)
     def load_dummies(

@@ -21,7 +21,7 @@ class Parameters:
     # forces
     gravity: wp.vec3  # and the body force [m/s2]
     hydrostatic: wp.vec3  # gravity alone, which fluid at rest carries by its pressure [m/s2]
-    viscosity_beta: float  # beta of eq 58
+    artificial_viscosity_beta: float  # beta of eq 58
     xsph: float  # epsilon of eq 40
     diffusion: float  # delta of the density diffusion
     inverse_spacing: float  # 1 / dx [1/m]

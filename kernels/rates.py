@@ -6,6 +6,7 @@ from functools import cache
 
 import warp as wp
 
+from .artificial_viscosity import ARTIFICIAL_VISCOSITY
 from .corrections import renormalisation_of_a_body
 from .density import BY_GRADIENT, DENSITY_DIFFUSION
 from .layout import CPU_LAYOUT, Layout, compiler_options
@@ -13,7 +14,6 @@ from .momentum import TENSILE
 from .neighbours import CellGrid, cell_number, row_offset
 from .parameters import Parameters
 from .smoothing import SMOOTHING
-from .viscosity import VISCOSITY
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Formulas:
     """What the pair loop closes over.
 
     Attributes:
-        smoothing, viscosity, diffusion: Names in SMOOTHING, VISCOSITY and DENSITY_DIFFUSION.
+        smoothing, artificial_viscosity, diffusion: Names in SMOOTHING, ARTIFICIAL_VISCOSITY and DENSITY_DIFFUSION.
         tensile_correction: A key of TENSILE.
         xsph: Whether it is in.
         renormalised: Whether the divergence of continuity is made exact for linear velocities.
@@ -32,7 +32,7 @@ class Formulas:
     """
 
     smoothing: str = "wendland_c2"
-    viscosity: str = "signal"
+    artificial_viscosity: str = "signal"
     diffusion: str = "none"
     tensile_correction: bool | str = False
     xsph: bool = False
@@ -123,7 +123,7 @@ def rates_kernel(
     at a time.
     """
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
-    viscous, psi = VISCOSITY[formulas.viscosity], DENSITY_DIFFUSION[formulas.diffusion]
+    viscous, psi = ARTIFICIAL_VISCOSITY[formulas.artificial_viscosity], DENSITY_DIFFUSION[formulas.diffusion]
     tensile = TENSILE[formulas.tensile_correction]
     load, packed = layout.load[formulas.dimensions], layout.packed
     its_fluid = same_fluid if formulas.fluid_count == 1 else fluid_of

@@ -1,7 +1,7 @@
-"""The stress of laminar viscosity: velocity gradients, the divergence of the stress, and where it is above the yield.
+"""The stress of viscosity: velocity gradients, the divergence of the stress, and where it is above the yield.
 
 The form of eq 100 takes the divergence of T = mu D', with D' from the velocity gradients: dearer than the pair forms of
-laminar.py, but right at a free surface and good for any stress. Pair loops read particles and ghosts as those do.
+viscosity.py, but right at a free surface and good for any stress. Pair loops read particles and ghosts as those do.
 """
 
 from collections.abc import Mapping
@@ -20,11 +20,11 @@ from .corrections import (
     renormalisation,
 )
 from .images import Images, velocity_beyond
-from .laminar import MEAN
 from .layout import CPU_LAYOUT, Layout, compiler_options, high, low
 from .parameters import Parameters
 from .rheology import deviator, isotropic, magnitude
 from .smoothing import SMOOTHING
+from .viscosity import MEAN
 
 
 @cache

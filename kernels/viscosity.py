@@ -1,51 +1,272 @@
-"""Artificial viscosity: the pair pressures Pi_ij, here without their mean density, P_ij = rhobar_ij Pi_ij [m2/s2]."""
+"""Viscosity: forces of a viscosity mu_i [Pa s] that each particle has, its own or an apparent one.
 
-import math
+Two ways. The pair forms of VISCOSITY take the difference of two velocities at once; the divergence of the stress is in
+`stress.py`. All conserve momentum; `cleary` angular momentum as well. The stages of a step are those of either.
+
+Pair loops read (x, y, z, V) and (u, v, w, mu), packed as those of rates.py: in a plane x lies beside u, in the place of
+v. Beyond the particles of a row come the ghosts that mirrors and periodic edges show of particles, each with the
+velocity that `velocity_beyond` gives it; they are worked out from their particles in the loop, so that the stages of a
+step never wait for ghosts.
+"""
+
 from collections.abc import Mapping
+from functools import cache
 
-import numpy as np
 import warp as wp
 
+from .balance import BALANCE, SURFACE_MOMENT, balance_factor, share_inside
+from .images import Images, velocity_beyond
+from .layout import CPU_LAYOUT, Layout, compiler_options
 from .parameters import Parameters
+from .rheology import Rheology
 from .smoothing import SMOOTHING
 
-
-@wp.func
-def signal(parameters: Parameters, alpha: float, c: float, u_dot_x: float, r: float) -> float:
-    """P = -alpha v_sig (u_ij . x_ij) / r, v_sig = (c_i + c_j) / 2, on all pairs: Vasco (2014) eq 61.
-
-    Kajtar & Monaghan (2008); unlike eq 58 it has no h / r, so that the two alphas are not the same viscosity.
-    As a shear viscosity of the Wendland kernel in 2-D: nu = alpha c h / 8.
-    """
-    return -alpha * c * u_dot_x / wp.max(r, 1.0e-9)
+# ------------------------------------------------------------------------------------------------------ pair forms
+# A pair force is A u_ij + B x_ij, and a form gives (A, B): vectors would keep the loop from taking several at once.
 
 
 @wp.func
-def monaghan(parameters: Parameters, alpha: float, c: float, u_dot_x: float, r: float) -> float:
-    """P = -alpha c mu + beta mu^2, mu = h (u_ij . x_ij) / (r^2 + 0.01 h^2), u_ij . x_ij < 0: Vasco (2014) eq 58-59."""
-    h = parameters.smoothing_length
-    mu = h * wp.min(u_dot_x, 0.0) / (r * r + 0.01 * h * h)
-    return -alpha * c * mu + parameters.viscosity_beta * mu * mu
+def morris(mu: float, dimensions: int, u_dot_x: float, r2: float):
+    """2 mu u_ij: Morris, Fox & Zhu (1997), Vasco (2014) eq 99. For a flow without divergence."""
+    return 2.0 * mu, 0.0
 
 
-VISCOSITY: Mapping[str, wp.Function] = {"signal": signal, "monaghan": monaghan}
+@wp.func
+def cleary(mu: float, dimensions: int, u_dot_x: float, r2: float):
+    """2 (d + 2) mu (u_ij . x_ij) x_ij / r^2: Cleary (1998), Monaghan (2005).
 
-
-def artificial_share(viscosity: str, smoothing: str, dimensions: int) -> float:
-    """The artificial viscosity read anew as a real one: nu = share alpha c h [m2/s].
-
-    A pair pressure -g(r) (u_ij . x_ij) is a viscosity of nu = (1 / (2 (d + 2))) <g r^2>, weighted with -r dW/dr, whose
-    integral over space is d. For `signal` (eq 61) g = alpha c / r, so that nu = 3/16 alpha c <r> in the plane: 1/8 with
-    the Wendland kernel, 15/112 with the cubic spline. For `monaghan` (eq 58, beta = 0) g = alpha c h / (r^2 + 0.01 h^2)
-    on approaching pairs, which in shear are half of them: 1/16 in the plane, less 1 or 2 % by the 0.01 h^2.
+    Along the line between: no torque, nothing in rigid rotation, and right at a free surface, where eq 99 is not
+    (Colagrossi et al. 2011). Its bulk viscosity is 2 mu in the plane, 5 mu / 3 in space.
     """
-    kernel = SMOOTHING[smoothing]
-    # Gauss-Legendre nodes between the knots of the kernels, all of them whole numbers.
-    node, weight = np.polynomial.legendre.leggauss(24)
-    q = np.concatenate([0.5 * (node + 1.0) + knot for knot in range(int(kernel.support))])
-    weight = 0.5 * np.tile(weight, int(kernel.support))
-    slope = np.array([float(kernel.slope(float(value))) for value in q])
-    sphere = 2.0 * math.pi if dimensions == 2 else 4.0 * math.pi
-    density = -sphere * kernel.normalisation[dimensions] * slope * q ** (dimensions + 1) / dimensions
-    g = {"signal": q, "monaghan": 0.5 * q**2 / (q**2 + 0.01)}[viscosity]
-    return float(np.sum(weight * density * g)) / (2.0 * (dimensions + 2))
+    return 0.0, 2.0 * float(dimensions + 2) * mu * u_dot_x / wp.max(r2, 1.0e-18)
+
+
+VISCOSITY: Mapping[str, wp.Function] = {"morris": morris, "cleary": cleary}
+
+
+@wp.func
+def arithmetic(mu_i: float, mu_j: float) -> float:
+    """(mu_i + mu_j) / 2."""
+    return 0.5 * (mu_i + mu_j)
+
+
+@wp.func
+def harmonic(mu_i: float, mu_j: float) -> float:
+    """2 mu_i mu_j / (mu_i + mu_j): the flux across a jump of the viscosity, Cleary & Monaghan (1999)."""
+    return 2.0 * mu_i * mu_j / wp.max(mu_i + mu_j, 1.0e-30)
+
+
+MEAN: Mapping[str, wp.Function] = {"arithmetic": arithmetic, "harmonic": harmonic}
+
+
+@cache
+def viscous_acceleration_kernel(
+    smoothing: str,
+    form: str,
+    mean: str,
+    dimensions: int = 3,
+    layout: Layout = CPU_LAYOUT,
+    with_images: bool = False,
+    balanced: bool = False,
+) -> wp.Kernel:
+    """The pair loop of viscosity.
+
+        du_i/dt = 1 / rho_i sum_j V_j s_ij F(mu_ij, u_ij, x_ij),    grad_i W_ij = s_ij x_ij
+
+    with F of VISCOSITY and mu_ij of MEAN. As (1/r) dW/dr = s_ij, eq 99 needs no 0.01 h^2 beside r^2. Where it is
+    `balanced` s_ij has the factor of balance.py.
+    """
+    slope = SMOOTHING[smoothing].slope
+    force, between, balance_of = VISCOSITY[form], MEAN[mean], BALANCE[dimensions]
+    load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
+    def viscous_acceleration(
+        first: int,
+        parameters: Parameters,
+        images: Images,
+        particle_count: int,
+        position_volume: wp.array[packed],
+        velocity_viscosity: wp.array[packed],
+        place: wp.array[wp.vec4],
+        fluid: wp.array[int],
+        inner_count: wp.array[int],
+        neighbour_count: wp.array[int],
+        neighbour_list: wp.array2d[int],
+        ghost_source: wp.array[int],
+        ghost_image: wp.array[int],
+        balance: wp.array[float],
+        viscous_acceleration_out: wp.array[wp.vec3],
+    ):
+        """a_i by viscosity [m/s2]; `place` is `position_volume` as vectors, `balance` is read where that is in."""
+        i = first + wp.tid()
+        x_i, y_i, z_i, V_i, u_i, v_i, w_i, mu_i = load(position_volume, velocity_viscosity, i)
+        dimensions = parameters.dimensions
+        b_x, b_y, b_z = float(0.0), float(0.0), float(0.0)
+        if wp.static(balanced):
+            b_x, b_y, b_z = balance_of(balance, i)
+
+        viscous_x, viscous_y, viscous_z = float(0.0), float(0.0), float(0.0)
+        k, end = int(0), int(inner_count[i])
+        while k < end:
+            j = entry(neighbour_list, i, k)
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, velocity_viscosity, j)
+            x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
+            u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
+            r2 = x * x + y * y + z * z
+            s = V_j * slope(wp.sqrt(r2) * parameters.inverse_h)
+            if wp.static(balanced):
+                b_jx, b_jy, b_jz = balance_of(balance, j)
+                s *= balance_factor(b_x - b_jx, b_y - b_jy, b_z - b_jz, x, y, z)
+            A, B = force(between(mu_i, mu_j), dimensions, u * x + v * y + w * z, r2)
+            viscous_x += s * (A * u + B * x)
+            viscous_y += s * (A * v + B * y)
+            viscous_z += s * (A * w + B * z)
+            k += 1
+
+        by_viscosity = wp.vec3(viscous_x, viscous_y, viscous_z)
+        if wp.static(with_images):
+            x_vec, u_vec = wp.vec3(x_i, y_i, z_i), wp.vec3(u_i, v_i, w_i)
+            end = neighbour_count[i]
+            while k < end:
+                j = entry(neighbour_list, i, k)
+                g = j - particle_count
+                xV_g = place[j]
+                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, ghost_source[g])
+                u_g = velocity_beyond(
+                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                )
+                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+                u_ig = u_vec - u_g
+                r2 = wp.dot(x_ig, x_ig)
+                s = xV_g[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
+                if wp.static(balanced):
+                    b_sx, b_sy, b_sz = balance_of(balance, ghost_source[g])
+                    b = wp.vec3(b_x, b_y, b_z) - images.rotation[ghost_image[g]] * wp.vec3(b_sx, b_sy, b_sz)
+                    s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
+                A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
+                by_viscosity += s * (A * u_ig + B * x_ig)
+                k += 1
+
+        inverse_rho_i = V_i / parameters.mass[fluid[i]]
+        viscous_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_viscosity
+
+    return viscous_acceleration
+
+
+# dt <= C rho h^2 / mu. integrators.py predicts the velocity at half steps from the last two, u + dt/2 F: for viscosity
+# that is Adams-Bashforth of second order, which takes lambda dt <= 1, lambda being the fastest rate at which a velocity
+# decays. Heun's scheme and the midpoint rule take 2, so twice this step.
+VISCOUS_COURANT: Mapping[str, float] = {"morris": 0.125, "cleary": 0.045, "stress": 0.125}
+
+# ----------------------------------------------------------------------------------------------- the stages of a step
+
+
+@wp.kernel(enable_backward=False)
+def newtonian_viscosity(first: int, rheology: Rheology, fluid: wp.array[int], viscosity_out: wp.array[float]):
+    """mu_i [Pa s] of fluids that have but one."""
+    i = first + wp.tid()
+    viscosity_out[i] = rheology.consistency[fluid[i]]
+
+
+@wp.kernel(enable_backward=False)
+def normalised_viscosity(
+    first: int, second_moment: wp.array[float], viscosity: wp.array[float], normalised_viscosity_out: wp.array[float]
+):
+    """mu_i over tr M_i / d, M = sum_j V_j (x_j - x_i) (x) grad_i W_ij of eq 54 [Pa s].
+
+    All forms see a viscosity that is this moment too great, for it is what a parabola adds up to. It is 1 but for the
+    sum over a lattice instead of an integral, and for volumes that are not those which particles fill: hydrostatic
+    density on an even lattice makes them too small. At a surface, where half of the neighbours are missing, the moment
+    says nothing of the kind, and mu is left as it is.
+    """
+    i = first + wp.tid()
+    moment = second_moment[i]
+    normalised_viscosity_out[i] = viscosity[i] * (
+        1.0 + share_inside(moment) * (1.0 / wp.max(moment, SURFACE_MOMENT) - 1.0)
+    )
+
+
+@wp.kernel(enable_backward=False)
+def with_viscosity(
+    first: int,
+    velocity_pressure: wp.array[wp.vec4],
+    viscosity: wp.array[float],
+    velocity_viscosity_out: wp.array[wp.vec4],
+):
+    """(u, v, w, mu) of the velocity that the pair loop of forces reads; in a plane (u, x, w, mu)."""
+    i = first + wp.tid()
+    up = velocity_pressure[i]
+    velocity_viscosity_out[i] = wp.vec4(up[0], up[1], up[2], viscosity[i])
+
+
+@wp.func
+def packed_velocity(parameters: Parameters, x: float, u: wp.vec3, mu: float) -> wp.vec4:
+    """(u, v, w, mu) as pair loops read it; in a plane (u, x, w, mu)."""
+    return wp.vec4(u[0], wp.where(parameters.dimensions == 2, x, u[1]), u[2], mu)
+
+
+@wp.kernel(enable_backward=False)
+def start_stages(
+    first: int,
+    parameters: Parameters,
+    position_volume: wp.array[wp.vec4],
+    velocity: wp.array[wp.vec3],
+    viscosity: wp.array[float],
+    velocity_viscosity_out: wp.array[wp.vec4],
+):
+    """Y_0 of `viscous_stage`, the velocity at the start of the step, packed."""
+    i = first + wp.tid()
+    velocity_viscosity_out[i] = packed_velocity(parameters, position_volume[i][0], velocity[i], viscosity[i])
+
+
+@wp.kernel(enable_backward=False)
+def viscous_stage(
+    first: int,
+    parameters: Parameters,
+    share: float,
+    weight_before: float,
+    weight_second: float,
+    weight_rate: float,
+    weight_first: float,
+    elapsed: float,
+    dt: wp.array[float],
+    velocity: wp.array[wp.vec3],
+    pressure_acceleration: wp.array[wp.vec3],
+    dissipative_acceleration: wp.array[wp.vec3],
+    wall_acceleration: wp.array[wp.vec3],
+    fluid: wp.array[int],
+    position_volume: wp.array[wp.vec4],
+    viscosity: wp.array[float],
+    rate: wp.array[wp.vec3],
+    first_rate: wp.array[wp.vec3],
+    before: wp.array[wp.vec3],
+    viscous_acceleration_inout: wp.array[wp.vec3],
+    velocity_viscosity_out: wp.array[wp.vec4],
+):
+    """Stage j of a super step of du/dt = F + L(u), F being the other forces: Meyer, Balsara & Aslam (2014), RKL2.
+
+        Y_j = mu_j Y_(j-1) + nu_j Y_(j-2) + (1 - mu_j - nu_j) Y_0 + mu'_j dt (F + L(Y_(j-1))) + gamma'_j dt (F + L(Y_0))
+
+    As Y_j = u + dt (a_j + c_j F) that is, without F and without rounding u at every stage,
+
+        a_j = mu_j a_(j-1) + nu_j a_(j-2) + mu'_j L(Y_(j-1)) + gamma'_j L(Y_0)
+
+    and the last a_j is the acceleration by viscosity over the step: a sum of L, so it conserves what they conserve.
+    Weights are (mu, nu, mu', gamma') in this order, `elapsed` is c_j; `share` is the part of dt that is stepped over.
+    """
+    i = first + wp.tid()
+    f = fluid[i]
+    a = weight_before * before[i] + weight_second * viscous_acceleration_inout[i]
+    a += weight_rate * rate[i] + weight_first * first_rate[i]
+    F = parameters.gravity + pressure_acceleration[i] + dissipative_acceleration[i] + wall_acceleration[i]
+    u = velocity[i] + share * dt[0] * parameters.mobility[f] * (a + elapsed * F)
+    viscous_acceleration_inout[i] = a
+    velocity_viscosity_out[i] = packed_velocity(parameters, position_volume[i][0], u, viscosity[i])
+
+
+@wp.kernel(enable_backward=False)
+def add_acceleration(first: int, acceleration: wp.array[wp.vec3], acceleration_inout: wp.array[wp.vec3]):
+    """One acceleration onto another [m/s2]."""
+    i = first + wp.tid()
+    acceleration_inout[i] = acceleration_inout[i] + acceleration[i]

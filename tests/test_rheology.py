@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpsph.kernels.laminar import VISCOUS_COURANT
+from warpsph.kernels.viscosity import VISCOUS_COURANT
 from warpsph.rheology import MARGIN, kinematic_viscosities, legendre_stages, needed_stages, step_in_courants, viscous
 from warpsph.scene.fluids import MOST_STAGES
 
@@ -83,7 +83,7 @@ def test_no_viscosity(make_scene, device):
     ("mean", "greatest"), [("arithmetic", 1.0 / 1000.0), ("harmonic", 1.0 / 1000.0)], ids=["arithmetic", "harmonic"]
 )
 def test_constant_viscosities(make_scene, device, mean, greatest):
-    found = viscous(make_scene(POOL, f"laminar.mean={mean}"), device)
+    found = viscous(make_scene(POOL, f"viscosity.mean={mean}"), device)
     assert found.law is None and found.stages == 1
     assert list(found.rheology.consistency.numpy()) == [1.0, 0.0]
     assert found.greatest == pytest.approx(greatest)
@@ -93,7 +93,7 @@ def test_constant_viscosities(make_scene, device, mean, greatest):
 @pytest.mark.parametrize(("mean", "greatest"), [("arithmetic", 2000.5 / 1000.0), ("harmonic", 4000.0 / 2000.0)])
 def test_fluids_of_two_laws(make_scene, device, mean, greatest):
     """One law that holds both; the greatest viscosity of a pair, which a heavy plug lends to light water."""
-    scene = make_scene(POOL, f"materials.mud.rheology={BINGHAM}", f"laminar.mean={mean}")
+    scene = make_scene(POOL, f"materials.mud.rheology={BINGHAM}", f"viscosity.mean={mean}")
     found = viscous(scene, device)
     assert (found.law, found.regularisation) == ("herschel_bulkley", "bi_viscous")
     numbers = found.rheology
@@ -104,8 +104,8 @@ def test_fluids_of_two_laws(make_scene, device, mean, greatest):
 
 
 def test_stages_by_hand(make_scene, device):
-    found = viscous(make_scene(POOL, f"materials.mud.rheology={BINGHAM}", "laminar.stages=1"), device)
-    more = viscous(make_scene(POOL, f"materials.mud.rheology={BINGHAM}", "laminar.stages=3"), device)
+    found = viscous(make_scene(POOL, f"materials.mud.rheology={BINGHAM}", "viscosity.stages=1"), device)
+    more = viscous(make_scene(POOL, f"materials.mud.rheology={BINGHAM}", "viscosity.stages=3"), device)
     assert (found.stages, more.stages) == (1, 3)
     assert more.longest_step == pytest.approx(4.5 * found.longest_step)
 

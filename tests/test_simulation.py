@@ -9,9 +9,9 @@ import pytest
 
 from warpsph.device.launch import DeviceError, Launcher
 from warpsph.forecast import forecast
+from warpsph.kernels.artificial_viscosity import ARTIFICIAL_VISCOSITY
 from warpsph.kernels.density import DENSITY_DIFFUSION
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.kernels.viscosity import VISCOSITY
 from warpsph.placement.place import place
 from warpsph.simulation import BlowUpError, Simulation
 
@@ -244,7 +244,7 @@ def test_bounded_tensile_correction_gives_a_drop_no_energy(make_scene, device, s
     ("smoothing", "viscosity", "diffusion", "tensile"),
     [
         *product(SMOOTHING, ["signal"], ["fourtakas"], ["true"]),
-        *product(["wendland_c2"], VISCOSITY, ["fourtakas"], ["false"]),
+        *product(["wendland_c2"], ARTIFICIAL_VISCOSITY, ["fourtakas"], ["false"]),
         *product(["wendland_c2"], ["signal"], DENSITY_DIFFUSION, ["true"]),
         ("wendland_c2", "signal", "fourtakas", "bounded"),
     ],
@@ -253,7 +253,7 @@ def test_every_formula_runs(make_collapse, device, smoothing, viscosity, diffusi
     """A tenth of a second of a collapse; its front runs, and not faster than the 2 sqrt(g H) of a dam break."""
     scene = make_collapse(
         f"smoothing.kernel={smoothing}",
-        f"viscosity={viscosity}",
+        f"artificial_viscosity={viscosity}",
         f"density_diffusion.model={diffusion}",
         f"tensile_correction={tensile}",
     )

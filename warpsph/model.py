@@ -92,7 +92,7 @@ class Model:
 
         self.formulas = Formulas(
             smoothing=scene.smoothing.kernel,
-            viscosity=scene.viscosity,
+            artificial_viscosity=scene.artificial_viscosity,
             diffusion=scene.density_diffusion.model,
             tensile_correction=scene.tensile_correction,
             xsph=scene.xsph > 0.0,
@@ -150,7 +150,7 @@ class Model:
         p.list_capacity = capacity
         p.gravity = wp.vec3(*scene.acceleration)
         p.hydrostatic = wp.vec3(0.0, 0.0, -scene.gravity)
-        p.viscosity_beta = scene.viscosity_beta
+        p.artificial_viscosity_beta = scene.artificial_viscosity_beta
         p.xsph = scene.xsph
         p.diffusion = scene.density_diffusion.delta
         # beta points stand where one fluid particle would in the plane, beta^2 in space.

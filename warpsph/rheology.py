@@ -7,10 +7,10 @@ from itertools import product
 import numpy as np
 import warp as wp
 
-from warpsph.kernels.laminar import VISCOUS_COURANT
+from warpsph.kernels.artificial_viscosity import artificial_share
 from warpsph.kernels.rheology import Rheology
-from warpsph.kernels.viscosity import artificial_share
-from warpsph.scene.fluids import MOST_STAGES, Laminar
+from warpsph.kernels.viscosity import VISCOUS_COURANT
+from warpsph.scene.fluids import MOST_STAGES, Viscosity
 from warpsph.scene.scene import Scene
 
 # Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.
@@ -69,7 +69,7 @@ class Viscous:
     """The viscosity of a model.
 
     Attributes:
-        form: A name of LAMINAR, or "stress".
+        form: A name of VISCOSITY, or "stress".
         mean: A name of MEAN.
         balanced: Whether the weights of pairs leave a linear flow alone in disorder too.
         law: A name of RHEOLOGY; None where every viscosity is a constant.
@@ -94,7 +94,7 @@ class Viscous:
 def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
     """The viscosity of the scene's fluids; None where no material has one of its own."""
     materials = [scene.materials[fluid.material] for fluid in scene.fluids]
-    laws = [material.laminar for material in materials]
+    laws = [material.viscosity for material in materials]
     if not any(laws):
         return None
 
@@ -112,7 +112,7 @@ def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
     law = None if flows == {"newtonian"} else flows.pop() if len(flows) == 1 else "herschel_bulkley"
     kinds = [law.regularisation for law in laws if law and law.regularisation]
 
-    settings = scene.laminar
+    settings = scene.viscosity
     limits = [law.viscosity_limit if law else 0.0 for law in laws]
     pairs = [
         (2.0 * a * b / (a + b) if a + b else 0.0) if _takes_harmonic_mean(settings) else 0.5 * (a + b)
@@ -138,16 +138,16 @@ def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
 
 def kinematic_viscosities(scene: Scene) -> dict[str, tuple[float, float]]:
     """Of each material [m2/s]: its own, the greatest where it changes, and the artificial one read as a real one."""
-    share = artificial_share(scene.viscosity, scene.smoothing.kernel, scene.dimensions)
+    share = artificial_share(scene.artificial_viscosity, scene.smoothing.kernel, scene.dimensions)
     return {
         name: (
-            material.laminar.viscosity_limit / material.density if material.laminar else 0.0,
+            material.viscosity.viscosity_limit / material.density if material.viscosity else 0.0,
             share * material.alpha * material.sound_speed * scene.smoothing_length,
         )
         for name, material in scene.materials.items()
     }
 
 
-def _takes_harmonic_mean(settings: Laminar) -> bool:
+def _takes_harmonic_mean(settings: Viscosity) -> bool:
     """Whether no force of a pair exceeds that of the harmonic mean; the stress form adds up stresses too."""
     return settings.form != "stress" and settings.mean == "harmonic"

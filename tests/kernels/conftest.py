@@ -139,9 +139,13 @@ class Cloud:
         inputs = [self.position_volume, self.velocity_pressure, self.fluids, *lists]
         return self.run(pressure_gradient_kernel(self.smoothing, self.layout), inputs, [wp.vec3])[0]
 
-    def acceleration(self, viscosity: str = "signal", tensile_correction: bool | str = False) -> list[np.ndarray]:
+    def acceleration(
+        self, artificial_viscosity: str = "signal", tensile_correction: bool | str = False
+    ) -> list[np.ndarray]:
         """By pressure and by dissipation [m/s2], each of shape [n, 3]."""
-        return self.rates(continuity=False, viscosity=viscosity, tensile_correction=tensile_correction)[:2]
+        return self.rates(
+            continuity=False, artificial_viscosity=artificial_viscosity, tensile_correction=tensile_correction
+        )[:2]
 
     def density_rate(self, diffusion: str = "none") -> list[np.ndarray]:
         """The rate by continuity and by diffusion [kg/m3/s] [n], and the XSPH velocity [m/s] [n, 3]."""

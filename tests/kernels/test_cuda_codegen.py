@@ -13,6 +13,7 @@ import pytest
 import warp as wp
 
 import warpsph.kernels
+from warpsph.kernels.artificial_viscosity import ARTIFICIAL_VISCOSITY
 from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
@@ -20,7 +21,6 @@ from warpsph.kernels.dummies import list_dummies_kernel, load_dummies_kernel, pr
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.images import list_ghosts_kernel
 from warpsph.kernels.instruments import probe_kernel
-from warpsph.kernels.laminar import LAMINAR, MEAN, laminar_acceleration_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
 from warpsph.kernels.momentum import TENSILE
@@ -41,7 +41,7 @@ from warpsph.kernels.stress import (
     velocity_gradient_kernel,
     yielding_kernel,
 )
-from warpsph.kernels.viscosity import VISCOSITY
+from warpsph.kernels.viscosity import MEAN, VISCOSITY, viscous_acceleration_kernel
 from warpsph.kernels.walls import WALL_FORCE, wall_acceleration_kernel
 
 ARCHITECTURES = (80, 90)  # A100 and H100
@@ -55,7 +55,7 @@ HALVES = [(True, True), (True, False), (False, True)]
 # Each formula once in full; what is left out costs no term.
 FORMULAS = [
     *(Formulas(smoothing=name, xsph=True, tensile_correction=True) for name in SMOOTHING),
-    *(Formulas(viscosity=name, fluid_count=1, dimensions=2) for name in VISCOSITY),
+    *(Formulas(artificial_viscosity=name, fluid_count=1, dimensions=2) for name in ARTIFICIAL_VISCOSITY),
     *(Formulas(diffusion=name) for name in DENSITY_DIFFUSION),
     *(Formulas(walled=True, diffusion="fourtakas", fluid_count=1, dimensions=dimensions) for dimensions in (2, 3)),
     *(Formulas(renormalised=True, dimensions=dimensions) for dimensions in (2, 3)),
@@ -69,7 +69,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_ghosts_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     list_dummies_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     press_dummies_kernel: list(product(SMOOTHING, (2, 3))),
-    load_dummies_kernel: list(product(SMOOTHING, VISCOSITY, TENSILE)),
+    load_dummies_kernel: list(product(SMOOTHING, ARTIFICIAL_VISCOSITY, TENSILE)),
     pressure_gradient_kernel: [(name, CUDA_LAYOUT) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     body_points_kernel: [(True,), (False,)],
@@ -90,9 +90,9 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
     ],
-    laminar_acceleration_kernel: [
-        *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, LAMINAR, MEAN)),
-        *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(LAMINAR, MEAN, (2, 3))),
+    viscous_acceleration_kernel: [
+        *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, VISCOSITY, MEAN)),
+        *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(VISCOSITY, MEAN, (2, 3))),
         *(("wendland_c2", "morris", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
     ],
     stress_acceleration_kernel: [

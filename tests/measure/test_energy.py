@@ -13,7 +13,7 @@ TOLERANCE = 1e-3
     "overrides",
     [
         [],
-        ["viscosity=monaghan", "xsph=0.0", "tensile_correction=false"],
+        ["artificial_viscosity=monaghan", "xsph=0.0", "tensile_correction=false"],
         ["run.integrator=predictor_corrector"],
         ["density_filter={model: mls, every: 20}", "xsph=0.0"],
         ["run.integrator=runge_kutta", "xsph=0.0"],

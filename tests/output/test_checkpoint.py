@@ -23,7 +23,7 @@ def collapsing(make_collapse, device) -> Simulation:
         ["run.integrator=predictor_corrector"],
         ["run.integrator=runge_kutta"],
         ["density_filter={model: mls, every: 7}", "continuity=renormalised", "shifting.model=fickian"],
-        ["materials.water.dynamic_viscosity=5.0", "laminar.weights=balanced"],
+        ["materials.water.dynamic_viscosity=5.0", "viscosity.weights=balanced"],
     ],
 )
 def test_goes_on_bit_for_bit(make_collapse, device, tmp_path, bits, resumed, scheme):

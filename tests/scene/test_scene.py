@@ -159,8 +159,19 @@ def test_an_anchor_is_its_value(load):
         ),
         (
             "spacing: 0.1",
-            "spacing: 0.1\nviscosity: 7",
-            "tank.yaml:3: viscosity: 7 is not known here; it can be signal, monaghan",
+            "spacing: 0.1\nviscosity: signal",
+            "tank.yaml:3: viscosity: signal is an artificial viscosity: write artificial_viscosity",
+        ),
+        (
+            "spacing: 0.1",
+            "spacing: 0.1\nviscosity_beta: 1.0",
+            "tank.yaml:3: viscosity_beta: this field is called artificial_viscosity_beta now",
+        ),
+        ("spacing: 0.1", "spacing: 0.1\nlaminar: {}", "tank.yaml:3: laminar: this field is called viscosity now"),
+        (
+            "spacing: 0.1",
+            "spacing: 0.1\nartificial_viscosity: 7",
+            "tank.yaml:3: artificial_viscosity: 7 is not known here; it can be signal, monaghan",
         ),
         (
             "spacing: 0.1",
@@ -357,8 +368,8 @@ def test_an_anchor_is_its_value(load):
         ),
         (
             "title: A tank",
-            "title: A tank\nlaminar: {stages: 2}",
-            "tank.yaml:2: laminar.stages: two stages take no longer a step than one; 1, or 3 and more",
+            "title: A tank\nviscosity: {stages: 2}",
+            "tank.yaml:2: viscosity.stages: two stages take no longer a step than one; 1, or 3 and more",
         ),
         (
             "title: A tank",
@@ -367,8 +378,8 @@ def test_an_anchor_is_its_value(load):
         ),
         (
             "title: A tank",
-            "title: A tank\nlaminar: {form: cleary, weights: balanced}",
-            "tank.yaml:2: laminar.weights: balanced goes with morris and stress, not with cleary",
+            "title: A tank\nviscosity: {form: cleary, weights: balanced}",
+            "tank.yaml:2: viscosity.weights: balanced goes with morris and stress, not with cleary",
         ),
         # YAML
         ("[3.0, 2.0]]", "[3.0, 2.0]", "tank.yaml:8: not YAML: expected ',' or ']', but got '<scalar>'"),

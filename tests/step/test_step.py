@@ -55,7 +55,7 @@ SCHEMES = {
     "renormalised": ["continuity=renormalised"],
     "shifting": ["shifting.model=fickian", "xsph=0.0"],
     "shifting on top of xsph, runge_kutta": ["shifting.model=fickian", "run.integrator=runge_kutta"],
-    "balanced weights": ["materials.water.dynamic_viscosity=5.0", "laminar.weights=balanced"],
+    "balanced weights": ["materials.water.dynamic_viscosity=5.0", "viscosity.weights=balanced"],
 }
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES.values(), ids=SCHEMES)
 FALLING = ["gravity=9.81", "materials.water.sound_speed=40.0"]
@@ -360,7 +360,7 @@ def test_a_loop_of_steps_gives_the_same_bits(make_collapse, device, bits, scheme
 
 
 @pytest.mark.parametrize(
-    "overrides", [*SCHEMES.values(), ["viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]]
+    "overrides", [*SCHEMES.values(), ["artificial_viscosity=monaghan", "density_diffusion.model=molteni_colagrossi"]]
 )
 def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, bits, overrides):
     runs = []

@@ -32,7 +32,7 @@ BINGHAM = [
     "regularisation: papanastasiou}",
 ]
 every_form = pytest.mark.parametrize("form", ["morris", "cleary", "stress"])
-BALANCED = "laminar.weights=balanced"
+BALANCED = "viscosity.weights=balanced"
 
 
 def stretched(scene, device, shear: float = 0.0) -> Simulation:
@@ -51,13 +51,13 @@ def test_off_is_off(make_collapse, device):
 @pytest.mark.parametrize(
     ("form", "overrides"),
     [
-        *product(("morris", "cleary", "stress"), ([], ["laminar.stages=5"], BINGHAM)),
-        *product(("morris", "stress"), ([BALANCED], [BALANCED, "laminar.stages=5"])),
+        *product(("morris", "cleary", "stress"), ([], ["viscosity.stages=5"], BINGHAM)),
+        *product(("morris", "stress"), ([BALANCED], [BALANCED, "viscosity.stages=5"])),
     ],
 )
 def test_momentum_and_energy_are_accounted_for(make_scene, device, form, overrides):
     """Nothing is lost or gained but what is dissipated; along the line between the turning stays too."""
-    scene = make_scene(DROP, f"laminar.form={form}", *overrides)
+    scene = make_scene(DROP, f"viscosity.form={form}", *overrides)
     simulation = stretched(scene, device, shear=3.0)
     m = simulation.model.parameters.mass.numpy()[0].astype(float)
 
@@ -82,7 +82,7 @@ def test_momentum_and_energy_are_accounted_for(make_scene, device, form, overrid
 
 @pytest.mark.parametrize(
     "overrides",
-    [["laminar.stages=1"], ["laminar.stages=3"], ["laminar.stages=7", "laminar.form=cleary"], BINGHAM],
+    [["viscosity.stages=1"], ["viscosity.stages=3"], ["viscosity.stages=7", "viscosity.form=cleary"], BINGHAM],
     ids=["explicit", "3 stages", "7 stages", "bingham"],
 )
 def test_order_two(make_scene, device, overrides):
@@ -106,7 +106,7 @@ def test_order_two(make_scene, device, overrides):
 def test_stable_at_the_limit(make_scene, device, form, stages):
     """Fifty steps of the longest length by viscosity, so viscous that it alone limits them, from random velocities."""
     scene = make_scene(
-        DROP, f"laminar.form={form}", f"laminar.stages={stages}", "materials.oil.dynamic_viscosity=1.0e6"
+        DROP, f"viscosity.form={form}", f"viscosity.stages={stages}", "materials.oil.dynamic_viscosity=1.0e6"
     )
     placement = place(scene)
     noise = np.random.default_rng(2).normal(size=placement.position.shape) * [0.1, 0.0, 0.1]
@@ -123,7 +123,7 @@ def test_stages_agree_with_single_sweeps(make_scene, device):
     """Nine stages against the dozens of single sweeps that they stand for."""
     ends = []
     for stages in (1, 9):
-        simulation = stretched(make_scene(DROP, f"laminar.stages={stages}", *BINGHAM), device)
+        simulation = stretched(make_scene(DROP, f"viscosity.stages={stages}", *BINGHAM), device)
         simulation.advance(0.02)
         ends.append((simulation.state.snapshot().velocity, simulation.step_count))
     (single, many), (by_stages, few) = ends
@@ -132,11 +132,11 @@ def test_stages_agree_with_single_sweeps(make_scene, device):
 
 
 def test_a_run_without_end_is_refused(make_scene, device):
-    scene = make_scene(DROP, "laminar.stages=1", "materials.oil.dynamic_viscosity=1.0e12")
+    scene = make_scene(DROP, "viscosity.stages=1", "materials.oil.dynamic_viscosity=1.0e12")
     with pytest.raises(SceneError, match=r"run.end_time: needs 1\.4e\+12 steps of 7\.0e-13 s, more than 1e\+08"):
         Simulation(scene, device)
     Simulation(
-        make_scene(DROP, "laminar.stages=1", "materials.oil.dynamic_viscosity=1.0e12", "run.max_steps=5"), device
+        make_scene(DROP, "viscosity.stages=1", "materials.oil.dynamic_viscosity=1.0e12", "run.max_steps=5"), device
     )
 
 
@@ -236,9 +236,9 @@ def wall(name: str, z: float, up: int, speed: float = 0.0) -> str:
     [
         ([], 0.007),
         (["materials.oil.dynamic_viscosity=1000.0"], 0.008),
-        (["laminar.form=stress"], 0.007),
-        (["spacing=0.015625", "laminar.form=stress"], 0.002),
-        (["laminar.form=cleary", "smoothing.ratio=2.5"], 0.03),
+        (["viscosity.form=stress"], 0.007),
+        (["spacing=0.015625", "viscosity.form=stress"], 0.002),
+        (["viscosity.form=cleary", "smoothing.ratio=2.5"], 0.03),
     ],
     ids=["explicit", "stages", "stress", "finer", "cleary"],
 )
@@ -268,7 +268,7 @@ def test_flow_between_walls(make_scene, device, form, flow):
     force = [] if flow == "couette" else ["body_force=[0.5, 0.0]"]
     wider = ["smoothing.ratio=2.5"] if form == "cleary" else []
     images = f"images=[{ALONG}, {wall('bed', 0.0, 1)}, {lid}]"
-    scene = make_scene(CHANNEL, images, f"laminar.form={form}", *force, *wider)
+    scene = make_scene(CHANNEL, images, f"viscosity.form={form}", *force, *wider)
     simulation = Simulation(scene, device)
     for time in (0.2, 0.5):
         simulation.advance(time)
@@ -291,7 +291,7 @@ def test_balanced_weights_do_without_order(make_scene, device, form):
     starts = {"lattice": [], "plain": ["fluids[0].jitter=0.1"], "balanced": ["fluids[0].jitter=0.1", BALANCED]}
     errors = {}
     for name, start in starts.items():
-        simulation = Simulation(make_scene(CHANNEL, images, f"laminar.form={form}", *start), device)
+        simulation = Simulation(make_scene(CHANNEL, images, f"viscosity.form={form}", *start), device)
         for time in (0.1, 0.5):
             simulation.advance(time)
             found = simulation.state.snapshot()

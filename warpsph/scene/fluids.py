@@ -110,14 +110,14 @@ class Material(Part):
         return self
 
     @property
-    def laminar(self) -> Rheology | None:
+    def viscosity(self) -> Rheology | None:
         """Its own viscosity as a law; None where it has none."""
         if self.dynamic_viscosity:
             return Rheology(law="newtonian", consistency=self.dynamic_viscosity)
         return self.rheology
 
 
-class Laminar(Part):
+class Viscosity(Part):
     """How forces come of the materials' own viscosities."""
 
     form: Literal["morris", "cleary", "stress"] = Field(
@@ -140,7 +140,7 @@ class Laminar(Part):
     )
 
     @model_validator(mode="after")
-    def _can_be_stepped(self) -> Laminar:
+    def _can_be_stepped(self) -> Viscosity:
         if self.stages == 2:
             raise fault("two stages take no longer a step than one; 1, or 3 and more", "stages")
         if self.weights == "balanced" and self.form == "cleary":

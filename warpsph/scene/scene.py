@@ -39,11 +39,11 @@ from warpsph.scene.fluids import (
     DensityDiffusion,
     DensityFilter,
     Fluid,
-    Laminar,
     Material,
     Rheology,
     Shifting,
     Smoothing,
+    Viscosity,
 )
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
 from warpsph.scene.shapes import Shape
@@ -123,11 +123,13 @@ class Scene(Part):
     )
     smoothing: Smoothing = Field(Smoothing(), description="The smoothing kernel.")
     materials: Annotated[dict[Name, Material], Field(min_length=1)] = Field(description="Materials by name.")
-    viscosity: Literal["signal", "monaghan"] = Field(
+    artificial_viscosity: Literal["signal", "monaghan"] = Field(
         "signal", description="Artificial viscosity [-]: signal (all pairs) or monaghan (approaching pairs only)."
     )
-    viscosity_beta: NotNegative = Field(0.0, description="Quadratic coefficient beta of the monaghan viscosity [-].")
-    laminar: Laminar = Field(Laminar(), description="How forces come of the materials' own viscosities.")
+    artificial_viscosity_beta: NotNegative = Field(
+        0.0, description="Quadratic coefficient beta of the monaghan artificial viscosity [-]."
+    )
+    viscosity: Viscosity = Field(Viscosity(), description="How forces come of the materials' own viscosities.")
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
     continuity: Literal["plain", "renormalised"] = Field(
         "plain",
@@ -248,6 +250,22 @@ class Scene(Part):
             raise fault(message, path)
         return self
 
+    @model_validator(mode="before")
+    @classmethod
+    def _know_new_words(cls, data: Any) -> Any:
+        """Scenes from before real viscosity had the plain word say `viscosity` of the artificial one."""
+        if isinstance(data, dict):
+            for old, new in _RENAMED.items():
+                if old in data:
+                    raise fault(f"this field is called {new} now", old)
+            if data.get("viscosity") in _ARTIFICIAL:
+                raise fault(f"{data['viscosity']} is an artificial viscosity: write artificial_viscosity", "viscosity")
+        return data
+
+
+_ARTIFICIAL = ("signal", "monaghan")
+_RENAMED = {"viscosity_beta": "artificial_viscosity_beta", "laminar": "viscosity"}
+
 
 def place(coordinate: float, origin: float) -> str:
     """A coordinate of a scene [m] in words, `origin` [m] added: to four figures of what the scene is about."""
@@ -262,7 +280,7 @@ def wants_lists(scene: Scene) -> list[str]:
         "antuono's diffusion of density": scene.density_diffusion.model == "antuono",
         "walls of dummy particles": bool(scene.walls) and scene.wall_model.force == "dummy_particles",
         "images": scene.images,
-        "the materials' own viscosity": any(material.laminar for material in scene.materials.values()),
+        "the materials' own viscosity": any(material.viscosity for material in scene.materials.values()),
         "shifting": scene.shifting.model != "none",
         "a density_filter": scene.density_filter.model != "none",
     }
@@ -278,7 +296,7 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     if scene.neighbours == "cells":
         yield from (("neighbours", f"lists are needed for {name}") for name in wants_lists(scene))
     flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
-    if scene.shifting.velocity == "local" and not any(material.laminar for material in flowing):
+    if scene.shifting.velocity == "local" and not any(material.viscosity for material in flowing):
         yield "shifting.velocity", "local needs a fluid with a viscosity of its own"
     yield from _misplaced(scene)
     if scene.images:
@@ -330,7 +348,7 @@ def _strange_to_dummies(scene: Scene) -> Iterator[tuple[str, str]]:
         "shifting.model": scene.shifting.model != "none",
     }
     for name, material in scene.materials.items():
-        strange[f"materials.{name}"] = bool(material.laminar)
+        strange[f"materials.{name}"] = bool(material.viscosity)
     for path, is_there in strange.items():
         if is_there:
             yield path, "walls of dummy particles do not know this yet; take another wall_model.force"

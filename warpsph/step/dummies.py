@@ -87,7 +87,7 @@ class Dummies:
             behind = [alias(array[n + self._at_rest :], wp.vec4, self._moving) for array in packed]
             self.show = record(kernels.show_dummies, self._moving, [m.parameters.dimensions, *places, *behind])
             kernel = kernels.load_dummies_kernel(
-                m.scene.smoothing.kernel, m.formulas.viscosity, m.formulas.tensile_correction
+                m.scene.smoothing.kernel, m.formulas.artificial_viscosity, m.formulas.tensile_correction
             )
             lists = [s.fluid_and_ghosts, self.first, self.list, points.point_force]
             self._load = record(kernel, self._moving, [m.parameters, self._at_rest, *packed, *lists])

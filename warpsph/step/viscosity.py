@@ -5,7 +5,7 @@ from collections.abc import Callable
 import warp as wp
 
 from warpsph.device.launch import Launch, floats
-from warpsph.kernels import laminar, stress
+from warpsph.kernels import stress, viscosity
 from warpsph.kernels.balance import balance_kernel, keep_balance
 from warpsph.kernels.images import Images
 from warpsph.kernels.rheology import apparent_viscosity_kernel
@@ -66,13 +66,13 @@ class Viscosity:
         """
         m, s, packed = self.model, self.state, self.velocity_viscosity[0]
         if m.viscous.stages == 1:
-            start = self._record(laminar.with_viscosity, s.velocity_pressure, self.viscosity, packed)
+            start = self._record(viscosity.with_viscosity, s.velocity_pressure, self.viscosity, packed)
         else:
             start = self._record(
-                laminar.start_stages, m.parameters, s.position_volume, s.velocity, self.viscosity, packed
+                viscosity.start_stages, m.parameters, s.position_volume, s.velocity, self.viscosity, packed
             )
         normalise = self._record(
-            laminar.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
+            viscosity.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
         )
         return [*self._apparent(), *self._change_with_place(), normalise, start, *self._find_balance()]
 
@@ -82,7 +82,7 @@ class Viscosity:
         gradient = self._gradient(s.velocity_pressure)
         if m.viscous.law is None:
             constant = [m.viscous.rheology, s.fluid, self.material_viscosity]
-            return [gradient, self._record(laminar.newtonian_viscosity, *constant)]
+            return [gradient, self._record(viscosity.newtonian_viscosity, *constant)]
         law = apparent_viscosity_kernel(m.viscous.law, m.viscous.regularisation)
         numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
         return [gradient, self._record(law, *numbers, self.material_viscosity)]
@@ -112,7 +112,7 @@ class Viscosity:
         dissipative = self.state.dissipative_acceleration
         if count == 1:
             *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
-            last = [self._record(laminar.add_acceleration, self.rate[0], dissipative), *self._keep_balance()]
+            last = [self._record(viscosity.add_acceleration, self.rate[0], dissipative), *self._keep_balance()]
             return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, *last)}
         launches: dict[str, Launch | Callable[[], None]] = {}
         for j, stage in enumerate(legendre_stages(count), 1):
@@ -121,13 +121,13 @@ class Viscosity:
             *before, sweep = self._sweep(read, rate)
             s, mean = self.state, self.mean_rate[j % 2]
             update = self._record(
-                laminar.viscous_stage,
+                viscosity.viscous_stage,
                 *(self.model.parameters, share, stage.before, stage.second, stage.rate, stage.first, stage.elapsed),
                 *(s.dt, s.velocity, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
                 *(s.fluid, s.position_volume, self.viscosity, rate, self.rate[0], self.mean_rate[(j + 1) % 2]),
                 *(mean, written),
             )
-            add = self._record(laminar.add_acceleration, mean, dissipative)
+            add = self._record(viscosity.add_acceleration, mean, dissipative)
             last = [add, *self._keep_balance()] if j == count else []
             name = f"viscosity, stage {j} of {count}"
             launches |= {**self._named(f"{name}, stress", before), name: chain(sweep, update, *last)}
@@ -176,7 +176,7 @@ class Viscosity:
                 self._record(transposed, *gradient, self.stress),
                 self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), packed, balance, rate),
             ]
-        kernel = laminar.laminar_acceleration_kernel(m.formulas.smoothing, m.viscous.form, m.viscous.mean, *flow)
+        kernel = viscosity.viscous_acceleration_kernel(m.formulas.smoothing, m.viscous.form, m.viscous.mean, *flow)
         return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), balance, rate)]
 
     def _gradient(self, packed_velocity: wp.array) -> Launch:
