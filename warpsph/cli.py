@@ -283,6 +283,7 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
             f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
             f"at t = {gauge['crest time [s]']:.3f} s{', still rising' if gauge.get('still rising') else ''}"
         )
+    lines += _train_lines(facts.get("wave train", {}))
     for name, impact in facts.get("impacts", {}).items():
         lines.append(
             f"  impact of {name:<5} {impact['speed [m/s]']:.3f} m/s at t = {impact['time [s]']:.3f} s, "
@@ -300,6 +301,23 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         ]
     lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
     return "\n".join(lines)
+
+
+def _train_lines(train: dict[str, Any]) -> list[str]:
+    """What a wave maker made, for the terminal."""
+    gauges, lines = train.get("gauges", {}), []
+    if isinstance(gauges, str):
+        return [f"  wave train      {gauges}"]
+    for name, gauge in gauges.items():
+        period = f", period {gauge['period [s]']:.3f} s" if "period [s]" in gauge else ""
+        share = gauge["height / asked for"]
+        lines.append(
+            f"  waves at {name:<6} height {gauge['height [m]']:.4f} m{period}, {share:.1%} of what was asked for"
+        )
+    if "reflection" in train:
+        found = train["reflection"]
+        lines.append(f"  reflection      {found['coefficient']:.1%}, by {found['gauges']}")
+    return lines
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -156,3 +156,35 @@ def test_a_zone_takes_what_it_books(make_scene, device):
     after = simulation.energy.measure()[0]
     assert after.damped > 0.01 * before.kinetic
     assert after.total == pytest.approx(before.total, abs=0.02 * after.damped)
+
+
+SPACE = """
+title: A flume in space
+dimensions: 3
+spacing: 0.05
+xsph: 0.0
+materials: {water: {density: 1000.0, sound_speed: 20.0}}
+wall_model: {force: dummy_particles}
+walls:
+  - {name: flume, path: [[-0.6, 0.5], [-0.6, 0.0], [1.2, 0.0], [1.2, 0.5]], width: [0.0, 0.3]}
+  - {name: glass, box: {min: [-0.6, 0.0, 0.0], max: [1.2, 0.3, 0.5], open: [left, right, bottom, top]}}
+fluids: [{name: water, material: water, fill: {level: 0.2, above: flume, between: [0.0, 1.2]}}]
+wave_maker: {waves: regular, x: 0.0, depth: 0.2, height: 0.03, period: 1.0, width: [0.0, 0.3], ramp: 0.0}
+probes: [{name: face, at: [0.0, 0.15, 0.05], body: paddle}]
+run: {end_time: 1.0}
+"""
+
+
+@pytest.mark.parametrize("flap", [[], ["wave_maker.paddle=flap", "wave_maker.hinge=-0.05"]], ids=["piston", "flap"])
+def test_a_paddle_across_a_flume_in_space(make_scene, device, flap):
+    simulation = Simulation(make_scene(SPACE, *flap), device)
+    still = dict(simulation.instruments.rows(0.0))["probes/face"][0]
+    assert still == pytest.approx(1000.0 * 9.81 * 0.15, rel=0.03)
+    simulation.advance(0.1)
+    pushed = dict(simulation.instruments.rows(0.1))["probes/face"]
+    assert simulation.bodies.places()[0][0][0] > -0.15 and pushed[1] > 0.0
+
+
+def test_in_space_it_needs_a_width(make_scene):
+    with pytest.raises(SceneError, match="wave_maker.width: this field is missing, in a 3-D scene"):
+        make_scene(SPACE, "wave_maker.width=null")

@@ -137,7 +137,8 @@ class Instruments:
         order, count_all = scatter_kernel(wp.vec3d), m.particle_count
         m.launcher.run(order, count_all, [s.id, s.position, self.last_position])
         m.launcher.run(scatter_kernel(int), count_all, [s.id, s.fluid, fluid])
-        self._last = np.zeros(count), -np.inf
+        # The volumes at the sample before, and its time [s].
+        self.last_sample = wp.array(np.append(np.zeros(count), -np.inf), dtype=wp.float64, device=device)
         look = [m.parameters, s.blocks, struct, now, self.last_position, fluid, passed]
         return [
             m.launcher.record(order, count_all, [s.id, s.position, now]),
@@ -150,7 +151,8 @@ class Instruments:
         """The arrays that a checkpoint keeps, by name."""
         if not self._scene.overtopping:
             return {}
-        return {"instruments.last_position": self.last_position, "instruments.volume": self.volume}
+        names = ("last_position", "volume", "last_sample")
+        return {f"instruments.{name}": getattr(self, name) for name in names}
 
     # ------------------------------------------------------------------------------------------------------- reading
 
@@ -203,7 +205,8 @@ class Instruments:
             for launch in self._gates:
                 launch()
             volume = self.volume.numpy().copy()
-            (before, then), self._last = self._last, (volume, time)
+            *before, then = self.last_sample.numpy().tolist()
+            self.last_sample.assign(np.append(volume, time))
             rate = (volume - before) / (time - then) if time > then else np.zeros(len(volume))
             for gate, one, flow in zip(self._scene.overtopping, volume, rate, strict=True):
                 rows.append((f"overtopping/{gate.name}", [float(one), float(flow)]))

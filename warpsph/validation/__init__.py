@@ -19,6 +19,7 @@ from warpsph.validation.bodies import measure_floating_box, measure_sinking_disc
 from warpsph.validation.dam_break import DAM_BREAKS as COLUMNS
 from warpsph.validation.dam_break import measure_dam_break
 from warpsph.validation.landslide import measure_landslide
+from warpsph.validation.reservoir import measure_reservoir
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
 from warpsph.validation.viscous import (
@@ -104,6 +105,7 @@ CASES: Mapping[str, Case | Series] = {
         measure_mki_series,
     ),
     "dam_break": Series("columns of water collapse", "dam_break", COLUMNS, measure_dam_break),
+    "reservoir": Case("a reservoir empties through a slot", measure_reservoir),
     "wave_maker": Series("a piston makes regular waves", "wave_maker", WAVE_MAKER, measure_wave_maker),
     "solitary": Series("a piston makes solitary waves", "solitary", SOLITARY, measure_solitary),
     "interpolation": Series("f = x + z on a patch of particles", "interpolation", PATCH, measure_interpolation),
