@@ -186,5 +186,5 @@ def test_a_paddle_across_a_flume_in_space(make_scene, device, flap):
 
 
 def test_in_space_it_needs_a_width(make_scene):
-    with pytest.raises(SceneError, match="wave_maker.width: this field is missing, in a 3-D scene"):
+    with pytest.raises(SceneError, match=r"wave_maker\.width: this field is missing, in a 3-D scene"):
         make_scene(SPACE, "wave_maker.width=null")

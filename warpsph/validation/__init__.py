@@ -22,6 +22,7 @@ from warpsph.validation.landslide import measure_landslide
 from warpsph.validation.reservoir import measure_reservoir
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
+from warpsph.validation.submarine import measure_submarine_slide
 from warpsph.validation.viscous import (
     COUETTE_TIMES,
     DAM_BREAKS,
@@ -106,6 +107,7 @@ CASES: Mapping[str, Case | Series] = {
     ),
     "dam_break": Series("columns of water collapse", "dam_break", COLUMNS, measure_dam_break),
     "reservoir": Case("a reservoir empties through a slot", measure_reservoir),
+    "submarine_slide": Case("a rigid slide runs down a slope under water", measure_submarine_slide),
     "wave_maker": Series("a piston makes regular waves", "wave_maker", WAVE_MAKER, measure_wave_maker),
     "solitary": Series("a piston makes solitary waves", "solitary", SOLITARY, measure_solitary),
     "interpolation": Series("f = x + z on a patch of particles", "interpolation", PATCH, measure_interpolation),
