@@ -208,6 +208,8 @@ def _solid(scene: Scene, path: str, body: BodyField) -> Solid:
             surface, samples = _surface(scene, body.shape, mesh, ball, turn, at, set_back)
             if scene.wall_model.force == "dummy_particles":
                 surface = _dummies_in_space(scene, body.shape, mesh, ball, turn, at)
+        if not len(surface.points):
+            raise ValueError(f"it is too thin for a spacing of {scene.spacing:g} m")
         free_shift, free_turn = _freedom(scene, body)
         return Solid(
             Body(
