@@ -15,3 +15,9 @@ class Blocks:
     size: int  # of a block
     apart: int
     stride: int
+
+
+@wp.func
+def item_of(blocks: Blocks, block: int, k: int) -> int:
+    """Item k of a block; of the last block there may be none, `blocks.count` or more."""
+    return block * blocks.apart + k * blocks.stride

@@ -5,7 +5,7 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import Blocks
+from .blocks import Blocks, item_of
 from .layout import CPU_LAYOUT, Layout
 from .parameters import Parameters
 from .smoothing import SMOOTHING
@@ -97,7 +97,7 @@ def density_filter_kernel(
         neighbour_count: wp.array[int],
         neighbour_list: wp.array2d[int],
         density: wp.array[wp.float64],
-        filtered_out: wp.array[wp.float64],
+        filtered_density_out: wp.array[wp.float64],
     ):
         """rho_i made anew [kg/m3]; untouched in a step that is not due."""
         i = first + wp.tid()
@@ -130,7 +130,7 @@ def density_filter_kernel(
         # The sum of the corrected weights, which is 1 but for rounding and for plain ones.
         whole = 1.0 if wp.static(by_volume) else n * (zeta[0] * moment + wp.dot(slant, first_moment))
         difference = n * (zeta[0] * excess + wp.dot(slant, first_excess))
-        filtered_out[i] = rho_i * wp.float64(whole) + wp.float64(difference)
+        filtered_density_out[i] = rho_i * wp.float64(whole) + wp.float64(difference)
 
     return density_filter
 
@@ -141,26 +141,26 @@ def take_filtered_density(
     parameters: Parameters,
     every: int,
     step: wp.array[int],
-    filtered: wp.array[wp.float64],
+    filtered_density: wp.array[wp.float64],
     fluid: wp.array[int],
     density_inout: wp.array[wp.float64],
     position_volume_inout: wp.array[wp.vec4],
     velocity_pressure_inout: wp.array[wp.vec4],
-    work_out: wp.array[wp.vec3],
+    particle_work_out: wp.array[wp.vec3],
 ):
     """Density, volume and pressure by the filter; the internal energy that goes with the change is dissipated [J]."""
     i = first + wp.tid()
     if not is_due(step[0], every):
         return
     f = fluid[i]
-    old, rho = density_inout[i], filtered[i]
+    old, rho = density_inout[i], filtered_density[i]
     rest, c, stiffening = parameters.rest_density[f], parameters.sound_speed[f], parameters.stiffening[f]
     lost = internal_energy(old, rest, c, stiffening) - internal_energy(rho, rest, c, stiffening)
     xV, up = position_volume_inout[i], velocity_pressure_inout[i]
     density_inout[i] = rho
     position_volume_inout[i] = wp.vec4(xV[0], xV[1], xV[2], parameters.mass[f] / float(rho))
     velocity_pressure_inout[i] = wp.vec4(up[0], up[1], up[2], pressure(rho, rest, c, stiffening))
-    work_out[i] = wp.vec3(parameters.mass[f] * float(lost), 0.0, 0.0)
+    particle_work_out[i] = wp.vec3(parameters.mass[f] * float(lost), 0.0, 0.0)
 
 
 @wp.kernel(enable_backward=False)
@@ -169,8 +169,8 @@ def add_filter_work(
     blocks: Blocks,
     every: int,
     step: wp.array[int],
-    work: wp.array[wp.vec3],
-    total_work_inout: wp.array[wp.vec3d],
+    particle_work: wp.array[wp.vec3],
+    work_inout: wp.array[wp.vec3d],
 ):
     """What the filter took from a block of particles is added to what was done on it [J]."""
     block = first + wp.tid()
@@ -178,10 +178,10 @@ def add_filter_work(
         return
     done = wp.vec3d()
     for k in range(blocks.size):
-        i = block * blocks.apart + k * blocks.stride
+        i = item_of(blocks, block, k)
         if i < blocks.count:
-            done += wp.vec3d(work[i])
-    total_work_inout[block] = total_work_inout[block] + done
+            done += wp.vec3d(particle_work[i])
+    work_inout[block] = work_inout[block] + done
 
 
 # -------------------------------------------------------------------------------------------------------- gradient

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .blocks import Blocks
+from .blocks import Blocks, item_of
 from .parameters import Parameters
 from .state_equation import internal_energy
 
@@ -49,7 +49,7 @@ def sum_blocks(
     front = wp.float64(-wp.inf)
     top_speed = wp.float64(0.0)
     for k in range(blocks.size):
-        i = block * blocks.apart + k * blocks.stride
+        i = item_of(blocks, block, k)
         if i < blocks.count and fluid[i] == mine:
             m = wp.float64(parameters.mass[mine])
             x, u = position[i], wp.vec3d(velocity[i])

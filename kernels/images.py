@@ -16,7 +16,7 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import Blocks
+from .blocks import Blocks, item_of
 from .layout import Layout
 from .neighbours import BLOCK_EDGE, CellGrid, place_of
 from .parameters import Parameters
@@ -134,7 +134,7 @@ def book_lift(first: int, blocks: Blocks, lift: wp.array[float], work_inout: wp.
     block = first + wp.tid()
     done = wp.float64(0.0)
     for k in range(blocks.size):
-        i = block * blocks.apart + k * blocks.stride
+        i = item_of(blocks, block, k)
         if i < blocks.count:
             done += wp.float64(lift[i])
     work_inout[block] = work_inout[block] + wp.vec3d(wp.float64(0.0), done, wp.float64(0.0))

@@ -82,9 +82,11 @@ def find_tops(
     grid: CellGrid,
     across: float,
     reach: float,
+    fluid_count: int,
     start: wp.array[int],
     place: wp.array[wp.vec3],
     position_volume: wp.array[wp.vec4],
+    fluid: wp.array[int],
     top_out: wp.array[float],
 ):
     """Height of the highest particle within `across` [m] of an upright line [m], minus infinity where there is none."""
@@ -98,7 +100,8 @@ def find_tops(
             row = (kz * grid.count[1] + ky) * grid.count[0]
             for j in range(start[row + low[0]], start[row + high[0] + 1]):
                 xV = position_volume[j]
-                if wp.abs(xV[0] - x[0]) < across and wp.abs(xV[1] - x[1]) < across:
+                is_near = wp.abs(xV[0] - x[0]) < across and wp.abs(xV[1] - x[1]) < across
+                if is_near and fluid[j] < fluid_count:  # not one that has left
                     top = wp.max(top, xV[2])
     top_out[i] = top
 
@@ -120,6 +123,7 @@ def count_passing(
     parameters: Parameters,
     blocks: Blocks,
     gates: Gates,
+    fluid_count: int,
     position: wp.array[wp.vec3d],
     last_position: wp.array[wp.vec3d],
     fluid: wp.array[int],
@@ -140,7 +144,7 @@ def count_passing(
             if i < blocks.count:
                 x, old = position[i], last_position[i]
                 before, now = wp.dot(old - corner, n), wp.dot(x - corner, n)
-                if (before < zero) != (now < zero):
+                if (before < zero) != (now < zero) and fluid[i] < fluid_count:  # not where those are that have left
                     at = old + (before / (before - now)) * (x - old) - corner
                     s, t = wp.dot(at, a) / wp.dot(a, a), wp.dot(at, b) / wp.dot(b, b)
                     if s >= zero and s < one and t >= zero and t < one:

@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from .blocks import Blocks
+from .blocks import Blocks, item_of
 from .layout import Layout
 from .parameters import Parameters
 
@@ -351,7 +351,7 @@ def largest_of_blocks(first: int, blocks: Blocks, values: wp.array[float], large
     block = first + wp.tid()
     largest = float(0.0)
     for k in range(blocks.size):
-        i = block * blocks.apart + k * blocks.stride
+        i = item_of(blocks, block, k)
         if i < blocks.count:
             largest = wp.max(largest, values[i])
     largest_out[block] = largest

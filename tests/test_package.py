@@ -51,7 +51,9 @@ def test_wheel_holds_every_data_file():
     folders = package_folders()
     patterns = PROJECT["tool"]["setuptools"]["package-data"]
     held = {path for name, globs in patterns.items() for glob in globs for path in folders[name].glob(glob)}
-    data = {path for name in patterns for suffix in ("yaml", "csv") for path in folders[name].rglob(f"*.{suffix}")}
+    data = {
+        path for name in patterns for suffix in ("yaml", "csv", "jinja") for path in folders[name].rglob(f"*.{suffix}")
+    }
     assert data == held
 
 

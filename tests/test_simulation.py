@@ -160,7 +160,6 @@ def test_no_such_device(make_collapse):
     [
         ("velocity", [0.0, 0.0, 40.0], "it moves faster than sound in its material"),
         ("density", 400.0, "its density fell below 0.5 of its material's"),
-        ("position", [-0.4, 0.0, 0.2], "it left the box around walls and fluid"),
     ],
 )
 def test_absurd_particle_is_named(make_collapse, device, name, value, words):

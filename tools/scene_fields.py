@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from warpsph.scene.fields import Part
+from warpsph.scene.fields import Part, part_types
 from warpsph.scene.scene import Scene
 
 MANUAL = Path(__file__).resolve().parents[1] / "scenes" / "README.md"
@@ -27,22 +26,17 @@ UNIT = re.compile(
     r" \[((?:-|deg|degrees|steps|(?:k?g|m|s|N|J|Pa|rad|1)\d?(?:[ /](?:kg|m|s|N|J|Pa)\S*)*)(?:, degrees)?)\]"
 )
 
+# A greater bound only catches slips, and says nothing of what a field is for.
+MOST_TOLD = 200
+
 
 def models(model: type[Part] = Scene) -> dict[str, type[Part]]:
     """The models that make up a scene by their names, `model` first, each one before its own parts."""
     found = {model.__name__: model}
     for field in model.model_fields.values():
-        for part in _parts(field.annotation):
+        for part in part_types(field.annotation):
             found |= {name: one for name, one in models(part).items() if name not in found}
     return found
-
-
-def _parts(annotation: Any) -> Iterator[type[Part]]:
-    """The models in the type of a field."""
-    if isinstance(annotation, type) and issubclass(annotation, Part):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _parts(argument)
 
 
 def table(model: type[Part]) -> str:
@@ -86,7 +80,7 @@ def _bounds(field: FieldInfo) -> str:
         name: getattr(one, name) for one in field.metadata for name in ("ge", "gt", "le", "lt") if hasattr(one, name)
     }
     low, high = bounds.get("ge", bounds.get("gt")), bounds.get("le", bounds.get("lt"))
-    if low is None or high is None:
+    if low is None or high is None or high > MOST_TOLD:
         return ""
     return f" From {low:g} to {high:g}." if "ge" in bounds else f" More than {low:g}, at most {high:g}."
 

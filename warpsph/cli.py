@@ -85,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     scene.add_argument("file", type=Path, metavar="SCENE", help="scene file (YAML), or a name that `list` prints")
     check.add_argument("file", type=Path, metavar="SCENE", help="the same, or a run folder")
+    check.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the scene as it is set up, too")
     for one in (scene, check):
         one.add_argument(
             "--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene"
@@ -274,6 +275,14 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
         f"  behind walls    {facts['particles behind walls']:,} particles",
     ]
+    if left := facts.get("left"):
+        unit = next(name for name in left if name.startswith("volume"))
+        lines.append(
+            f"  left the tank   {left['particles']:,} particles, {left[unit]:.3g} {unit[8:-1]}, "
+            f"{left['share of all particles']:.2%} of all, from t = {left['first [s]']:.3f} s on (left.csv)"
+        )
+        if left["dropped as absurd"]:
+            lines.append(f"  dropped         {left['dropped as absurd']:,} of these, which had become absurd")
     if "energy drift / converted" in conservation:
         lines.append(
             f"  energy sum      drifts by {conservation['energy drift / converted']:.2%} of the energy converted"
@@ -326,9 +335,18 @@ def _check(options: argparse.Namespace) -> int:
 
     from warpsph.device.launch import Launcher
     from warpsph.forecast import forecast
+    from warpsph.output.gauge_waves import read_observed
 
+    if options.picture and (options.picture.suffix != ".png" or not options.picture.absolute().parent.is_dir()):
+        raise _InputError(f"{options.picture}: --picture needs a file that ends in .png, in a folder that is there")
     scene = _load(options)
+    read_observed(scene)
     launcher = Launcher(options.device, options.threads)
+    if options.picture:
+        from warpsph.output.writers import picture_setup
+
+        picture_setup(scene, launcher, options.picture)
+        _print(f"{options.picture}: drawn")
     facts = forecast(scene, launcher)
     seconds = facts.steps * facts.step_seconds
     _print(f"{scene.title}")
@@ -363,8 +381,8 @@ def _check_cache(options: argparse.Namespace) -> int:
     from warpsph.output.usd_check import check_cache
 
     folder = options.file / "usd"
-    if options.set or options.until is not None:
-        raise _InputError("--set and --until go with a scene, not with a run folder")
+    if options.set or options.until is not None or options.picture:
+        raise _InputError("--set, --until and --picture go with a scene, not with a run folder")
     if not (folder / "scene.usda").exists():
         raise _InputError(f"{options.file}: this run has no USD cache")
     problems = check_cache(folder)

@@ -8,11 +8,11 @@ import numpy as np
 
 from warpsph.device.launch import Launcher
 from warpsph.memory import Memory, counts_of, memory_of, with_neighbours
-from warpsph.model import first_dt
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
 from warpsph.rheology import kinematic_viscosities, viscous
 from warpsph.scene.scene import Scene, SceneError
+from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.simulation import Simulation, place_within
 
 
@@ -68,7 +68,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         seconds * count / simulation.model.particle_count for seconds in _time_steps(simulation)
     )
     del simulation
-    dt = first_dt(scene, law, start.top_speed)
+    dt = WeaklyCompressible.longest_step(scene, law, start.top_speed)
     duration = scene.run.end_time - scene.start_time
     shrinking, lists_a_step = _rehearse(scene, launcher, count, duration / dt * step_seconds)
     return Forecast(
@@ -157,5 +157,5 @@ def _rehearse(scene: Scene, launcher: Launcher, count: int, seconds: float) -> t
     gone, steps = simulation.time - scene.start_time, simulation.step_count
     if not gone:
         return 1.0, 0.0
-    dt = first_dt(simulation.scene, simulation.model.viscous, simulation.start.top_speed)
+    dt = WeaklyCompressible.longest_step(simulation.scene, simulation.model.viscous, simulation.start.top_speed)
     return max(1.0, steps * dt / gone), step.neighbours.rebuilds / steps

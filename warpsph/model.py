@@ -19,7 +19,7 @@ from warpsph.kernels.walls import BY_LEG
 from warpsph.placement.damping import damping_zones
 from warpsph.placement.images import Edge, Image, find_images, image_struct
 from warpsph.placement.place import Placement
-from warpsph.rheology import Viscous, viscous
+from warpsph.rheology import viscous
 from warpsph.scene.fluids import Material
 from warpsph.scene.scene import Scene
 from warpsph.shapes.surface import BLOCK, around
@@ -36,8 +36,6 @@ BODY_SKIN = 0.2
 ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
 LEAST_COMPRESSION, MOST_COMPRESSION = 0.5, 2.0
-# A run of more steps is a mistake: at a millisecond each it takes a day, and rounding adds up.
-MOST_STEPS = 1e8
 
 # Position, velocity, density and fluid of particles.
 Initial = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -52,7 +50,6 @@ class Model:
         ground: Height of the lowest point of the walls [m].
         viscous: The materials' own viscosities; None where there are none.
         sides: Side of each wall on which the fluid is, as `wet_side`.
-        sound_step: The longest step that sound allows while nothing moves [s].
         zones: Damping zones as kernels read them; None where there are none.
         grid: Cells over the scene.
         images: Mirrors and periodic edges as kernels read them; None where there are none.
@@ -62,6 +59,7 @@ class Model:
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count].
         wall_before, wall_after: From each point to its neighbours on the wall [m], 0 where it ends, shape [wall_count].
         wall_volume: What each fills behind the wall, of dummy particles [m3, in 2-D m2], shape [wall_count].
+        wall_line: Points on the walls themselves [m], and unit normals as of `wall_normal`, on the host.
         wall_start: Slots of the wall points of each cell, as in `Cells.start`.
         near_wall: Whether wall points may be on the list of a particle in a cell, shape [cell_count].
         wall_block: Whether there are wall points in a block of cells, shape [block_count].
@@ -105,7 +103,6 @@ class Model:
         self.parameters = self._parameters(scene, placement, materials, capacity)
         self.viscous = viscous(scene, device)
         self.zones = _zones(scene, device)
-        self.sound_step = scene.run.courant * scene.smoothing_length / max(m.sound_speed for m in materials)
         lower, upper = around(placement.wall_position, placement.dummies.position, placement.position)
         self.images, self.edges, self.seen_images = None, list[Edge](), list[Image]()
         if scene.images:
@@ -122,7 +119,7 @@ class Model:
         def vectors(values: np.ndarray) -> wp.array:
             return wp.array(values[order], dtype=wp.vec3, device=device)
 
-        self.wall_position = vectors(points)
+        self.wall_position, self.wall_line = vectors(points), (placement.wall_position, placement.wall_normal)
         ways = (placement.wall_normal, placement.wall_before, placement.wall_after)
         if self.has_dummies:
             self.wall_volume = wp.array(placement.dummies.volume[order], dtype=float, device=device)
@@ -165,16 +162,16 @@ class Model:
         def table(values: list[float]) -> wp.array:
             return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
 
-        p.mass = table(
-            [material.density * volume for material, volume in zip(materials, placement.volume, strict=True)]
-        )
+        # One entry more, for particles that have left: those of a fluid that is held, and that no sum counts.
+        materials, volumes = [*materials, materials[0]], [*placement.volume, placement.volume[0]]
+        p.mass = table([material.density * volume for material, volume in zip(materials, volumes, strict=True)])
         p.rest_density = table([material.density for material in materials])
         p.sound_speed = table([material.sound_speed for material in materials])
         p.stiffening = table([1.0 if material.state_equation == "tait" else 0.0 for material in materials])
         p.alpha = table([material.alpha for material in materials])
         p.wall_alpha = table([material.wall_alpha / points for material in materials])
-        p.still_level = table([fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids])
-        p.mobility = table([0.0 if fluid.hold else 1.0 for fluid in scene.fluids])
+        p.still_level = table([*(fluid.fill.level if fluid.fill else -math.inf for fluid in scene.fluids), -math.inf])
+        p.mobility = table([*(0.0 if fluid.hold else 1.0 for fluid in scene.fluids), 0.0])
         return p
 
     def take_initial(self) -> Initial:
@@ -201,21 +198,6 @@ def _zones(scene: Scene, device: wp.Device) -> Zones | None:
     for name, values in columns.items():
         setattr(struct, name, wp.array(np.array(values, dtype=np.float32), device=device))
     return struct
-
-
-def refuse_endless(scene: Scene, viscous: Viscous | None) -> None:
-    """Raises SceneError where the longest step of all would be taken too often."""
-    dt = first_dt(scene, viscous)
-    steps = (scene.run.end_time - scene.start_time) / dt
-    if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
-        raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
-
-
-def first_dt(scene: Scene, viscous: Viscous | None, speed: float = 0.0) -> float:
-    """The longest step that sound and viscosity allow while nothing is faster than `speed` [m/s], in s."""
-    fastest = max(scene.materials[fluid.material].sound_speed for fluid in scene.fluids) + speed
-    dt = scene.run.courant * scene.smoothing_length / fastest
-    return min(dt, viscous.longest_step) if viscous else dt
 
 
 def list_capacity(scene: Scene) -> tuple[int, float]:

@@ -74,7 +74,7 @@ class Viscous:
         balanced: Whether the weights of pairs leave a linear flow alone in disorder too.
         law: A name of RHEOLOGY; None where every viscosity is a constant.
         regularisation: A name of REGULARISATION.
-        rheology: Numbers for kernels, one entry for each fluid.
+        rheology: Numbers for kernels, one entry for each fluid, and one for particles that have left.
         greatest: The greatest kinematic viscosity that a pair can have [m2/s].
         stages: Sweeps of a step for viscosity.
         longest_step: The longest stable step [s].
@@ -99,7 +99,8 @@ def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
         return None
 
     def table(values: list[float]) -> wp.array:
-        return wp.array(np.array(values, dtype=np.float32), device=device)
+        # One entry more, for particles that have left.
+        return wp.array(np.array([*values, values[0]], dtype=np.float32), device=device)
 
     numbers = Rheology()
     numbers.consistency = table([law.consistency if law else 0.0 for law in laws])

@@ -14,6 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import warp as wp
 import yaml
 
@@ -25,6 +26,7 @@ from warpsph.measure.waves import celerity, find_impact, find_wave
 from warpsph.output.analysis import analysis
 from warpsph.output.checkpoint import CheckpointError, differences, find_checkpoint, read_checkpoint, write_checkpoint
 from warpsph.output.claim import FolderError, Lock, Mark, clear, digest, read_json, refuse_foreign, write_whole
+from warpsph.output.gauge_waves import read_observed
 from warpsph.output.progress import Progress, tell
 from warpsph.output.records import TIME_ROUNDING, Record, find_crest, is_rising, last_time, read_record
 from warpsph.output.writers import Outputs
@@ -98,6 +100,7 @@ class Run:
         self.scene, self.folder = scene, folder
         columns = _columns(scene)
         paths = [f"{name}.csv" for name in columns]
+        read_observed(scene)  # a report at the end would be too late to miss it
         if resume and not folder.is_dir():
             raise CheckpointError(f"{folder}: no such folder")
         if not resume:
@@ -274,6 +277,11 @@ class Run:
             for name, motion in zip(simulation.model.fluid_names, motions, strict=True):
                 (x, _, z), (u, _, w) = motion.center, motion.velocity
                 self._records[f"fluids/{name}"].write(now, [x, z, u, w, motion.front, motion.top_speed])
+        gone = simulation.leaving.gone
+        for one in gone:
+            row = [one.id, one.fluid, *one.position, *one.velocity, one.is_absurd]
+            self._records["left"].write(one.time, [float(value) for value in row])
+        gone.clear()
         if self._frames.take(now):
             self._outputs.write_frame()
         self._is_written = True
@@ -294,6 +302,7 @@ class Run:
         simulation, scene = self.simulation, self.scene
         model = simulation.model
         device = simulation.launcher.device
+        behind, fluid = behind_walls(model, simulation.state.position), simulation.state.fluid.numpy()
         return {
             "title": scene.title,
             "source": scene.source,
@@ -315,7 +324,8 @@ class Run:
                 **({"body points": simulation.bodies.set.point_count} if simulation.bodies else {}),
                 **dict(zip(model.fluid_names, simulation.start.counts, strict=True)),
             },
-            "particles behind walls": int(behind_walls(model, simulation.state.position).sum()),
+            "particles behind walls": int(np.count_nonzero(behind & (fluid < len(model.fluid_names)))),
+            **self._left(),
             **({"origin [m]": list(simulation.scene.origin)} if any(simulation.scene.origin) else {}),
             "conservation": self._conservation(),
             "gauges": self._crests(),
@@ -324,13 +334,37 @@ class Run:
             "warnings": list(simulation.start.warnings),
         }
 
+    def _left(self) -> dict[str, Any]:
+        """What has left, of a run in which something has."""
+        record = read_record(self.folder / "left.csv")
+        if not len(record["time [s]"]):
+            return {}
+        model, fluid = self.simulation.model, record["fluid"].astype(int)
+        volume = self.simulation.model.parameters.mass.numpy() / model.parameters.rest_density.numpy()
+        unit = "m2" if self.scene.dimensions == 2 else "m3"
+        facts = {
+            "particles": len(fluid),
+            "dropped as absurd": int(record["dropped"].sum()),
+            f"volume [{unit}]": float(volume[fluid].sum()),
+            "share of all particles": len(fluid) / model.particle_count,
+            "first [s]": float(record["time [s]"][0]),
+            "last [s]": float(record["time [s]"][-1]),
+            "from [m]": [float(record[f"{axis} [m]"].min()) for axis in "xyz"],
+            "to [m]": [float(record[f"{axis} [m]"].max()) for axis in "xyz"],
+        }
+        return {"left": facts}
+
     def _conservation(self) -> dict[str, float]:
-        """Mass now over mass at the start, and how far the energy sum strayed, over the energy converted."""
+        """Mass now and mass that has left over mass at the start, and how far the energy sum strayed, over the energy
+        converted."""
         _, motions = self.simulation.energy.measure()
         model = self.simulation.model
-        placed = float(model.parameters.mass.numpy().astype(float) @ self.simulation.start.counts)
+        mass = model.parameters.mass.numpy()[: len(model.fluid_names)].astype(float)
+        placed = float(mass @ self.simulation.start.counts)
+        gone = read_record(self.folder / "left.csv")["fluid"].astype(int)
         drift, converted = drift_and_converted(read_record(self.folder / "energy.csv"))
-        facts = {"mass / mass placed": sum(motion.mass for motion in motions) / placed}
+        here = sum(motion.mass for motion in motions)
+        facts = {"mass / mass placed": (here + float(mass[gone].sum())) / placed}
         if converted:
             facts["energy converted"] = converted
             facts["energy drift / converted"] = drift / converted
@@ -438,10 +472,11 @@ def _columns(scene: Scene) -> dict[str, Sequence[str]]:
     """The columns of each record of a run after its time, by the path of its file without .csv."""
     unit = "[J/m]" if scene.dimensions == 2 else "[J]"
     of_bodies = ("bodies kinetic", "bodies potential") if scene.bodies else ()
-    energies = ("kinetic", "potential", "internal", "dissipated", "wall work", "damped", *of_bodies, "total")
+    energies = ("kinetic", "potential", "internal", "dissipated", "wall work", "damped", "gone", *of_bodies, "total")
     motion = ("x [m]", "z [m]", "u [m/s]", "w [m/s]", "front [m]", "top speed [m/s]")
     return {
         "energy": [f"{name} {unit}" for name in energies],
+        "left": ["id", "fluid", "x [m]", "y [m]", "z [m]", "u [m/s]", "v [m/s]", "w [m/s]", "dropped"],
         **{f"gauges/{gauge.name}": ["level [m]"] for gauge in scene.gauges},
         **instrument_columns(scene),
         **{f"fluids/{fluid.name}": motion for fluid in scene.fluids},

@@ -1,30 +1,36 @@
 """A simulation in memory: model, state and step, with the phases of a scene and the watch over absurd particles."""
 
+import math
+
 import warp as wp
 
 from warpsph.device.launch import Launcher
-from warpsph.kernels import integrators
+from warpsph.kernels import clock
 from warpsph.measure.energy import Energy
 from warpsph.measure.gauges import Gauges
 from warpsph.measure.instruments import Instruments
 from warpsph.memory import counts_of, refuse_too_big, rough_counts, with_neighbours
-from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model, refuse_endless
+from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement, Start, place
-from warpsph.rheology import viscous
+from warpsph.rheology import Viscous, viscous
 from warpsph.scene.scene import Scene
+from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
+from warpsph.step.leaving import Leaving
 from warpsph.step.step import Step
 
 _FAULTS = {
-    int(integrators.NOT_FINITE): "its position, velocity or density is not a finite number",
-    int(integrators.TOO_LIGHT): f"its density fell below {LEAST_COMPRESSION:g} of its material's",
-    int(integrators.TOO_DENSE): f"its density rose above {MOST_COMPRESSION:g} times its material's",
-    int(integrators.TOO_FAST): "it moves faster than sound in its material",
-    int(integrators.OUTSIDE): "it left the box around walls and fluid",
+    int(clock.NOT_FINITE): "its position, velocity or density is not a finite number",
+    int(clock.TOO_LIGHT): f"its density fell below {LEAST_COMPRESSION:g} of its material's",
+    int(clock.TOO_DENSE): f"its density rose above {MOST_COMPRESSION:g} times its material's",
+    int(clock.TOO_FAST): "it moves faster than sound in its material",
+    int(clock.OUTSIDE): "it left the box around walls and fluid",
 }
 
+# A run of more steps is a mistake: at a millisecond each it takes a day, and rounding adds up.
+MOST_STEPS = 1e8
 # By how much a count from the drawing alone may be too high.
 ROUGH = 1.3
 
@@ -47,12 +53,21 @@ def place_within(scene: Scene, device: wp.Device) -> Placement:
     return placement
 
 
+def refuse_endless(scene: Scene, viscous: Viscous | None) -> None:
+    """Raises SceneError where the longest step of all would be taken too often."""
+    dt = WeaklyCompressible.longest_step(scene, viscous)
+    steps = (scene.run.end_time - scene.start_time) / dt
+    if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
+        raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
+
+
 class Simulation:
     """A scene that can be advanced in time.
 
     Attributes:
         scene: The scene as it is seen from its origin, from which all places in here count.
         start: What there was before the first step.
+        leaving: What has left since.
     """
 
     def __init__(
@@ -71,13 +86,15 @@ class Simulation:
         self.start = Start.of(placement)
         self.model = Model(scene, placement, self.launcher)
         del placement  # the state copies what it needs, and lets go of it before it allocates the rest
-        self.state = State(self.model)
+        self.state = State(self.model, WeaklyCompressible.fields)
         self.bodies = Coupling(self.model, self.state, self.start) if scene.bodies else None
-        self.step = Step(self.model, self.state, self.bodies)
+        scheme = WeaklyCompressible(self.model, self.state, self.bodies)
+        self.step = Step(self.model, self.state, scheme, self.bodies)
         read = (self.model, self.state, self.step.neighbours)
         self.gauges = Gauges(*read)
         self.instruments = Instruments(*read, self.bodies)
         self.energy = Energy(self.model, self.state)
+        self.leaving = Leaving(self.model, self.state, self.start.box)
         self.enter_phase()
 
     @property
@@ -102,9 +119,10 @@ class Simulation:
         self.step.settling = warming and now < self.scene.start_time + warm_up.settling_time
         self.state.damping.fill_(warm_up.damping if warming else 0.0)
         held = [warming and fluid.hold for fluid in self.scene.fluids]
-        self.model.parameters.mobility.assign([0.0 if holding else 1.0 for holding in held])
+        self.model.parameters.mobility.assign([*(0.0 if holding else 1.0 for holding in held), 0.0])
         if now == 0.0:
             self.state.work.zero_()  # the energy budget begins at the release
+            self.state.energy_gone.zero_()
             if self.bodies:
                 self.bodies.release()
 
@@ -121,10 +139,22 @@ class Simulation:
         """
         self.step.aim_at(time)
         self.step.run()
-        fault = int(self.state.clock()["fault"])
-        if fault:
-            raise BlowUpError(self._describe(fault))
+        while fault := int(self.state.clock()["fault"]):
+            if not self._let_go():
+                raise BlowUpError(self._describe(fault))
+            self.step.aim_at(time)
+            self.step.run()
         self.step.find_viscosity()
+
+    def _let_go(self) -> bool:
+        """Let what left the box go, with the energy that it has; whether the run can go on."""
+        before = self.energy.measure()[0]
+        if not self.leaving.let_go(self.scene.run.absurd == "drop"):
+            return False
+        lost = before.total - self.energy.measure()[0].total
+        if math.isfinite(lost):  # what was absurd may have any energy
+            self.state.energy_gone.fill_(float(self.state.energy_gone.numpy()[0]) + lost)
+        return True
 
     def reach(self, time: float) -> None:
         """Step until `time` [s], exactly, and enter the phases that begin on the way.

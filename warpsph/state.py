@@ -1,6 +1,7 @@
 """State: the arrays that change from step to step, allocated once."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ class Snapshot:
         density: [kg/m3], float64, shape [particle_count].
         pressure: [Pa], float32, shape [particle_count].
         fluid: Index into the scene's fluids, int32, shape [particle_count].
-        id: 0, 1, ... particle_count - 1, int64.
+        id: 0, 1, ... particle_count - 1 less what has left, int64.
         apparent_viscosity: [Pa s], float32, shape [particle_count]; None where every viscosity is a constant.
         yielded: 1 where the fluid flows, 0 where it is a plug, int32, shape [particle_count]; None likewise.
     """
@@ -74,19 +75,17 @@ class State:
     Ghosts, if there are any, stand behind the particles.
 
     Attributes:
-        particle_names: Arrays of PARTICLE, and those of this scene alone.
-        kept_names: The same of KEPT.
+        particle_names: Arrays that are a particle's own history.
+        kept_names: Arrays that a checkpoint keeps.
     """
 
-    # A particle's own history: permuted when slots are sorted.
-    PARTICLE = (
-        *("id", "fluid", "position", "velocity", "density"),
-        *("acceleration", "density_rate", "last_diffusion_rate", "xsph_velocity"),
-    )
-    # All that a checkpoint keeps: with the place where particles were listed, a resumed run sums in the same order.
-    KEPT = (*PARTICLE, "time", "dt", "dt_limit", "step", "stale", "listed_position", "work")
+    # A particle's own history, with the fields of the scheme: permuted when slots are sorted.
+    PARTICLE = ("id", "fluid", "position", "velocity", "density")
+    # What a checkpoint keeps besides: with the place where particles were listed, a resumed run sums in the same order.
+    KEPT = ("time", "dt", "dt_limit", "step", "stale", "listed_position", "work", "energy_gone")
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, fields: Mapping[str, type]) -> None:
+        """`fields` are those of the scheme, by name; they begin at 0."""
         self.model = model
         device, count = model.launcher.device, model.particle_count
 
@@ -103,14 +102,12 @@ class State:
         self.velocity = array(velocity, wp.vec3)  # [m/s]
         self.density = array(density, wp.float64)  # [kg/m3]
         del position, velocity, density, fluid  # before the rest takes its room
-        self.acceleration = zeros(wp.vec3)  # of the last kick [m/s2]
-        self.density_rate = zeros(float)  # [kg/m3/s]
-        self.last_diffusion_rate = zeros(float)  # by diffusion, in the last step [kg/m3/s]
-        self.xsph_velocity = zeros(wp.vec3)  # [m/s]
+        for name, dtype in fields.items():
+            setattr(self, name, zeros(dtype))
         is_balanced = model.viscous is not None and model.viscous.balanced
         self.balance = zeros(wp.vec3, count if is_balanced else 1)  # lambda of balance.py, in the last step [1/m]
-        more = ("balance",) if is_balanced else ()
-        self.particle_names, self.kept_names = (*self.PARTICLE, *more), (*self.KEPT, *more)
+        self.particle_names = (*self.PARTICLE, *fields, *(("balance",) if is_balanced else ()))
+        self.kept_names = (*self.particle_names, *self.KEPT)
 
         self.listed_position = zeros(wp.vec3)  # where the particles were when their neighbours were listed [m]
 
@@ -141,6 +138,7 @@ class State:
 
         self.blocks, self.block_count = blocks_of(count, device)  # whose sums and extremes one thread collects
         self.work = zeros(wp.vec3d, self.block_count)  # since the release; a block's, for only the sum counts [J]
+        self.energy_gone = zeros(wp.float64, 1)  # with particles that left since the release [J]
         # One entry more, for bodies: without any it stays at no limit, no fault and, below, no strain. The limit by
         # viscosity, which never changes, has the last.
         viscous_step = model.viscous.longest_step if model.viscous else np.inf
@@ -168,11 +166,8 @@ class State:
         for name in CLOCK.names:
             dtype, offset = CLOCK.fields[name][:2]
             setattr(self, name, alias(self._clock, _WARP_TYPES[dtype.str], 1, offset))
-        run = model.scene.run
-        first_dt = 0.5 * run.courant * model.scene.smoothing_length / max(model.parameters.sound_speed.numpy())
         self.time.fill_(model.scene.start_time)
         self.target.fill_(model.scene.start_time)
-        self.dt_limit.fill_(min(first_dt, viscous_step))
         self.last_step.fill_(NO_LAST_STEP)
         self.damping = zeros(float, 1)  # [1/s]
 
@@ -218,6 +213,9 @@ class State:
         found, clock = {name: values.numpy() for name, values in ordered.items()}, self.clock()
         found["position"], found["velocity"] = folded(m.edges, m.seen_images, found["position"], found["velocity"])
         ids = np.arange(m.particle_count, dtype=np.int64)
+        here = found["fluid"] < len(m.fluid_names)
+        if not here.all():  # some have left
+            ids, found = ids[here], {name: values[here] for name, values in found.items()}
         return Snapshot(time=float(clock["time"]), step=int(clock["step"]), id=ids, **found)
 
     def _in_id_order(self, values: wp.array) -> wp.array:

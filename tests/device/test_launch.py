@@ -47,7 +47,7 @@ def test_each_index_is_visited_once(device, threads, count):
 
 def test_recorded_launch_is_replayed_on_the_arrays_as_they_are(device):
     visits, index = (wp.zeros(500, dtype=int, device=device) for _ in range(2))
-    launch = Launcher(device, 2).record(count_visits, 500, [visits, index])
+    launch = Launcher(device, 2).record_in_order(count_visits, 500, [visits, index])
     assert not visits.numpy().any()
     launch()
     launch()
@@ -61,7 +61,7 @@ def test_same_bits_whatever_the_threads(device):
     for threads in (1, 2, 5):
         values = wp.array(np.linspace(0.0, 9.0, 1234, dtype=np.float32), device=device)
         factor = wp.array([1.1], dtype=float, device=device)
-        launch = Launcher(device, threads).record(grow, 1234, [factor, values])
+        launch = Launcher(device, threads).record_in_order(grow, 1234, [factor, values])
         for _ in range(20):
             launch()
         results.append(values.numpy())
@@ -93,7 +93,7 @@ def test_threads_take_turns():
     """What costs more at one end is shared: either half of the range is split between the two."""
     count = 100_000
     visits, index = (wp.zeros(count, dtype=int, device="cpu") for _ in range(2))
-    Launcher("cpu", 2).record(count_visits, count, [visits, index]).parts[0]()
+    Launcher("cpu", 2).record_in_order(count_visits, count, [visits, index]).parts[0]()
     assert visits.numpy()[: count // 2].sum() == visits.numpy()[count // 2 :].sum() == count // 4
 
 
@@ -101,9 +101,9 @@ def turning(launcher: Launcher, count: int, turns: int):
     """A loop in which every thread needs what the others wrote last; its values, and what is left to do."""
     values, other = (wp.array(np.arange(count), dtype=int, device=launcher.device) for _ in range(2))
     left = wp.array([turns], dtype=int, device=launcher.device)
-    there = launcher.record(turn_round, count, [values, other])
-    back = launcher.record(turn_round, count, [other, values])
-    down = launcher.record(count_down, 1, [left])
+    there = launcher.record_in_order(turn_round, count, [values, other])
+    back = launcher.record_in_order(turn_round, count, [other, values])
+    down = launcher.record_in_order(count_down, 1, [left])
     return launcher.loop(left, lambda: [launch() for launch in (there, back, down)]), values, left
 
 
@@ -144,3 +144,41 @@ def test_an_interrupted_loop_leaves_no_thread_behind(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         loop()
     assert threading.active_count() == before
+
+
+# ------------------------------------------------------------------------------------------------- binding by name
+
+
+@wp.kernel(enable_backward=False)
+def weigh(first: int, scale: float, values: wp.array[float], pairs: wp.array[wp.uint64], values_out: wp.array[float]):
+    i = first + wp.tid()
+    values_out[i] = scale * values[i] + 0.0 * float(pairs[i] == wp.uint64(0))
+
+
+class Owner:
+    """Something that has what kernels read, by name."""
+
+    def __init__(self, **attributes: object) -> None:
+        vars(self).update(attributes)
+
+
+def test_arguments_are_found_by_name(device):
+    vectors = wp.array(np.arange(6).reshape(2, 3), dtype=wp.vec3, device=device)
+    packed, result = wp.zeros(3, dtype=wp.vec4, device=device), wp.zeros(6, dtype=float, device=device)
+    owners = Owner(scale=2.0, unused=1), Owner(pairs=packed, scale=None)
+    Launcher(device).record(weigh, 6, *owners, values=vectors, values_out=result)()
+    np.testing.assert_array_equal(result.numpy(), 2.0 * np.arange(6))
+
+
+@pytest.mark.parametrize(
+    ("owners", "named", "says"),
+    [
+        ([], {}, "name .* in full"),  # one word for what is read and for what is written
+        ([Owner(scale=1.0)], {"values": 1, "values_out": 2}, "Owner do not have 'pairs'"),
+        ([Owner(scale=1.0), Owner(scale=2.0)], {"values": 1, "values_out": 2, "pairs": 3}, "do not agree on 'scale'"),
+        ([Owner(scale=1.0)], {"values": 1, "values_out": 2, "pairs": 3, "parts": 4}, "no parameter.*parts"),
+    ],
+)
+def test_a_name_that_leads_nowhere_is_an_error_when_recording(device, owners, named, says):
+    with pytest.raises(TypeError, match=f"weigh: .*{says}"):
+        Launcher(device).record(weigh, 6, *owners, **named)

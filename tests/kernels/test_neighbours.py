@@ -11,6 +11,7 @@ from warpsph.kernels import neighbours as kernels
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.model import SKIN, Model
 from warpsph.placement.place import place
+from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.state import State
 from warpsph.step.neighbours import Neighbours
 
@@ -48,7 +49,7 @@ class Listed:
         self.model = Model(scene, placement, Launcher(device))
         if capacity:
             self.model.parameters.list_capacity = capacity
-        self.state = State(self.model)
+        self.state = State(self.model, WeaklyCompressible.fields)
         if later is not None:
             self.x = np.concatenate([x[: n - len(later)], later])
             self.state.position.assign(self.x)
@@ -62,7 +63,7 @@ class Listed:
 
     def pairs(self) -> np.ndarray:
         """Whether j is on the list of i, by identity, bool [n, n]; no entry twice."""
-        p, count, entries = self.model.parameters, self.neighbours.count.numpy(), self.neighbours.rows()
+        p, count, entries = self.model.parameters, self.neighbours.neighbour_count.numpy(), self.neighbours.rows()
         assert count.max() <= p.list_capacity
         found = np.zeros((len(self.x), len(self.x)), dtype=int)
         for i, id_i in enumerate(self.id):
@@ -193,10 +194,10 @@ def test_slots_of_a_cell_lie_together(listed):
 
 def test_sorting_what_is_sorted_changes_nothing(listed):
     made = listed(cloud(500, (-3.0, -3.0), (3.0, 3.0)))
-    before, entries = made.id.copy(), made.neighbours.list.numpy().copy()
+    before, entries = made.id.copy(), made.neighbours.neighbour_list.numpy().copy()
     made.neighbours.rebuild()
     np.testing.assert_array_equal(made.id, before)
-    np.testing.assert_array_equal(made.neighbours.list.numpy(), entries)
+    np.testing.assert_array_equal(made.neighbours.neighbour_list.numpy(), entries)
 
 
 # ------------------------------------------------------------------------------------------------ life of the lists

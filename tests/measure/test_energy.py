@@ -76,8 +76,8 @@ def test_parts_add_up_to_the_total(make_collapse, device):
     simulation = Simulation(make_collapse(), device)
     simulation.advance(0.05)
     budget, _ = simulation.energy.measure()
-    kinetic, potential, internal, dissipated, wall_work, damped = budget.parts()
-    assert budget.total == kinetic + potential + internal + dissipated + damped - wall_work
+    kinetic, potential, internal, dissipated, wall_work, damped, gone = budget.parts()
+    assert budget.total == kinetic + potential + internal + dissipated + damped + gone - wall_work
 
 
 def test_motion_of_each_fluid(make_collapse, device):

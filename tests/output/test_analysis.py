@@ -94,12 +94,14 @@ def test_extremes_pass_over_what_is_not_a_number(make_scene, write):
 
 def test_what_was_observed_is_compared_and_drawn(make_scene, write):
     file = write.folder / "seen.csv"
-    file.write_text("t [s],level [mm]\n" + "".join(f"{t},{300.0 + 10.0 * t}\n" for t in range(5)), encoding="utf-8")
+    file.write_text("t [s],level [mm]\n" + "".join(f"{t},{10.0 * t}\n" for t in range(5)), encoding="utf-8")
     scene = make_scene(FLUME, f"gauges[0].observed={{file: {file}, columns: [t, level]}}")
     (write.folder / "scene.yaml").write_text(scene.resolved_yaml(), encoding="utf-8")
     time = np.linspace(0.0, 4.0, 41)
-    write("gauges/a", **{"time [s]": time, "level [m]": 0.301 + 0.01 * time})
+    write("gauges/a", **{"time [s]": time, "level [m]": 0.3 + 0.011 * time})
     found = analysis(scene, write.folder)["observed"]["gauges/a"]
-    assert found["bias [m]"] == pytest.approx(0.001) and found["rms [m]"] == pytest.approx(0.001)
-    headings = [heading for heading, _, _ in instrument_plots(write.folder)]
-    assert headings == ["Held against what was observed"]
+    assert found["bias [m]"] == pytest.approx(0.002) and found["rms [m]"] == pytest.approx(0.001 * math.sqrt(6.0))
+    write("probes/p", **{"time [s]": time, "pressure [Pa]": time, "u [m/s]": time, "w [m/s]": time})
+    file.write_text("t [s],p [kPa]\n0,0\n1,1\n2,2\n", encoding="utf-8")
+    scene = make_scene(FLUME, f"probes[0].observed={{file: {file}, columns: [t, p]}}")
+    assert [caption for caption, _ in instrument_plots(write.folder, scene)] == ["p, computed and observed"]

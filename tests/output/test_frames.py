@@ -1,21 +1,14 @@
-"""Pictures of a run: what is drawn is measured in the pixels, and animations are read back."""
+"""Pictures of a run: what is drawn is measured in the pixels."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from warpsph.output import frames as preview
-from warpsph.output.frames import (
-    FrameWriter,
-    _seen_from_the_front,
-    animate,
-    fluid_colors,
-    gauge_picture,
-    window_around,
-)
+from warpsph.output.camera import Camera
+from warpsph.output.frames import LIT, FrameWriter, Marks, _faces_seen, window_around
+from warpsph.output.usd import DrawnBody
 from warpsph.shapes.mesh import box_mesh
 from warpsph.state import Snapshot
 
@@ -57,7 +50,7 @@ def writer(tmp_path) -> FrameWriter:
         tmp_path / "preview",
         title="Two blocks",
         fluids=FLUIDS,
-        walls=[np.array([[-1.0, 0.0], [2.0, 0.0]])],
+        walls=[np.array([[-1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])],
         spacing=SPACING,
         window=WINDOW,
         speed_scale=2.0,
@@ -129,82 +122,10 @@ def test_a_picture_has_the_windows_proportions_and_an_even_size(tmp_path, width,
     assert size[1] - 54 - 106 == pytest.approx(plot * height / width, abs=2)
 
 
-def test_colours_come_from_materials_or_the_palette():
-    materials = {"water": None, "rock": "#8a6a4a", "oil": None}
-    colors = fluid_colors({"pool": "water", "slide": "rock", "rain": "water", "slick": "oil"}, materials)
-    assert colors["slide"] == "#8a6a4a"
-    assert colors["pool"] == colors["rain"] == preview.MATERIAL_PALETTE[0]
-    assert colors["slick"] == preview.MATERIAL_PALETTE[1]
-
-
 def test_the_window_holds_everything():
     (x_low, x_high), (z_low, z_high) = window_around(np.array([[-1.0, 0.6], [2.0, 0.0]]), SPACING)
     assert -1.1 < x_low < -1.0 < 2.0 < x_high < 2.1
     assert -0.1 < z_low < 0.0 < 0.6 < z_high < 0.7
-
-
-@pytest.fixture
-def frames(writer) -> Path:
-    for frame in range(8):
-        writer.write(frame, snapshot_of(SLIDE + np.array([0.05 * frame, 0.0, 0.0]), WATER, time=frame / 30))
-    return writer.folder
-
-
-def test_an_mp4_holds_every_frame(frames, tmp_path):
-    ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    film = animate(frames, tmp_path / "animation", 30.0)
-    assert film == tmp_path / "animation.mp4"
-    facts = next(ffmpeg.read_frames(film))
-    assert facts["codec"] == "h264"
-    assert facts["pix_fmt"].startswith("yuv420p")
-    assert facts["size"] == Image.open(frames / "frame.00000.png").size
-    assert (ffmpeg.count_frames_and_secs(film)[0], facts["fps"]) == (8, 30.0)
-
-
-def test_without_ffmpeg_a_gif_keeps_the_time(frames, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    film = animate(frames, tmp_path / "animation.mp4", 30.0)
-    assert film == tmp_path / "animation.gif"
-    with Image.open(film) as picture:
-        durations = []
-        for index in range(picture.n_frames):
-            picture.seek(index)
-            durations.append(picture.info["duration"])
-        assert picture.width == 800
-    # Every second frame, 1/15 s each, in hundredths of a second.
-    assert durations == [70, 60, 70, 70]
-
-
-def test_no_frames_make_no_animation(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no frames to make an animation of"):
-        animate(tmp_path, tmp_path / "animation", 30.0)
-
-
-def test_a_broken_frame_makes_no_animation(frames, tmp_path):
-    pytest.importorskip("imageio_ffmpeg")
-    for frame in frames.iterdir():
-        frame.write_bytes(b"not a picture")
-    with pytest.raises(OSError, match="ffmpeg could not make the animation"):
-        animate(frames, tmp_path / "animation", 30.0)
-    assert [path.name for path in tmp_path.iterdir()] == ["preview"]
-
-
-def test_gauges_are_drawn_with_the_amplitude_of_their_crests(tmp_path, monkeypatch):
-    time = np.linspace(0.0, 2.0, 401)
-    for name, amplitude in {"near": 0.0914, "far": 0.0832}.items():
-        level = 0.15 + amplitude * np.exp(-(((time - 1.0) / 0.1) ** 2))
-        lines = [f"{t:.6f},{z:.9g}" for t, z in zip(time, level, strict=True)]
-        (tmp_path / f"{name}.csv").write_text("\n".join(["time [s],level [m]", *lines, ""]))
-    (tmp_path / "empty.csv").write_text("time [s],level [m]\n")
-    plots = []
-    new_plots = preview.new_plots
-    monkeypatch.setattr(preview, "new_plots", lambda count: plots.append(new_plots(count)) or plots[-1])
-    gauge_picture([tmp_path / "near.csv", tmp_path / "far.csv", tmp_path / "empty.csv"], tmp_path / "gauges.png")
-    (_, (axes,)) = plots[0]
-    assert [text.get_text() for text in axes.texts] == ["0.091 m", "0.083 m"]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["near", "far"]
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "level − still level [m]")
-    assert Image.open(tmp_path / "gauges.png").size == (1350, 630)
 
 
 def test_body_in_space_shows_its_front_and_top_and_not_its_back():
@@ -212,9 +133,60 @@ def test_body_in_space_shows_its_front_and_top_and_not_its_back():
     mesh = box_mesh([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0])
     c, s = np.cos(np.radians(20.0)), np.sin(np.radians(20.0))
     corners = mesh.vertices @ np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]).T
-    faces, colors = _seen_from_the_front(corners, mesh.triangles, "#808080")
+    flat, depth, _ = Camera.of("front", corners.min(axis=0), corners.max(axis=0)).project(corners)
+    faces, colors = _faces_seen(corners, flat, depth, mesh.triangles, "#808080")
     assert len(faces) == 4 and colors.shape == (4, 3)
     normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
     assert np.all(normals[:, 1] < 0.0)
     top = normals[:, 2] > np.abs(normals[:, 1])
     assert top.sum() == 2 and colors[top].min() > colors[~top].max()
+
+
+def test_the_fastest_water_stands_out_from_the_paper(writer):
+    """Its contrast with white is more than 3 to 2 (relative luminance as WCAG 2 defines it)."""
+    pixels = pixels_of(writer.write(0, snapshot_of(SLIDE, WATER, speed=9.0)))
+    fastest = pixels[-54 - 40, round(74 + (1.0 - WINDOW[0][0]) * PIXELS_PER_METRE)] / 255.0
+    linear = np.where(fastest <= 0.04045, fastest / 12.92, ((fastest + 0.055) / 1.055) ** 2.4)
+    assert 1.05 / (linear @ [0.2126, 0.7152, 0.0722] + 0.05) > 1.5
+
+
+def test_gauges_and_the_still_level_are_marked(tmp_path):
+    options = {"fluids": FLUIDS, "walls": [], "spacing": SPACING, "window": WINDOW, "speed_scale": 2.0}
+    marks = Marks(gauges={"near": (1.25, 0.0)}, levels=[0.3], height=(0.0, 0.5))
+    plain = FrameWriter(tmp_path / "plain", title="marks", **options)
+    marked = FrameWriter(tmp_path / "marked", title="marks", marks=marks, **options)
+    bare, shown = (pixels_of(one.write(0, snapshot_of(SLIDE, WATER))) for one in (plain, marked))
+    changed = (bare != shown).any(axis=2)
+    column = round(74 + (1.25 - WINDOW[0][0]) * PIXELS_PER_METRE)
+    row = round(len(bare) - 54 - (0.3 - WINDOW[1][0]) * PIXELS_PER_METRE)
+    assert changed[:, column - 1 : column + 2].any(axis=1).sum() > 100
+    assert changed[row - 1 : row + 2].any(axis=0).sum() > 200
+    water_rows = slice(len(bare) - 54 - 110, len(bare) - 54 - 60)
+    # The mark of a gauge lies below the water, and shows through nothing but the rims of particles.
+    assert np.abs(bare - shown)[water_rows, column - 1 : column + 2].mean() < 3.0
+
+
+def test_a_camera_in_perspective_draws_the_nearer_larger():
+    low, high = np.zeros(3), np.array([2.0, 1.0, 1.0])
+    camera = Camera.of("perspective", low, high)
+    assert camera.right @ camera.up == pytest.approx(0.0, abs=1e-15)
+    flat, depth, size = camera.project(np.array([camera.focus, [2.0, 0.0, 1.0], [0.0, 1.0, 0.0]]))
+    assert np.allclose([*flat[0], depth[0]], 0.0) and size[0] == 1.0
+    assert depth[1] < 0.0 < depth[2] and size[1] > 1.0 > size[2]  # seen from the front, the right and above
+    front, above = (Camera.of(name, low, high).project(np.array([[1.0, 2.0, 3.0]])) for name in ("front", "above"))
+    assert front[0].tolist() == [[1.0, 3.0]] and above[0].tolist() == [[1.0, 2.0]]
+    assert front[1] == 2.0 and above[1] == -3.0
+
+
+def test_particles_before_a_body_cover_it_and_those_behind_do_not(tmp_path):
+    mesh = box_mesh([-0.1, -0.1, -0.1], [0.1, 0.1, 0.1])
+    body = DrawnBody(mesh.vertices, mesh.triangles.tolist(), "#ff0000")
+    options = {"fluids": {"water": FLUIDS["water"]}, "walls": [], "spacing": SPACING, "speed_scale": 1.0}
+    writer = FrameWriter(tmp_path, title="marks", window=WINDOW, bodies=[body], shading=LIT, **options)
+    place = (np.array([1.0, 0.0, 0.1]), np.array([0.0, 0.0, 0.0, 1.0]))
+    for y, is_seen in ((0.2, True), (-0.2, False)):
+        snapshot = snapshot_of(block(0.5, 0.0, 1.0, 0.4)[:0], block(0.5, 0.0, 1.0, 0.4) + np.array([0.0, y, 0.0]))
+        snapshot.fluid[:] = 0
+        pixels = pixels_of(writer.write(0, snapshot, [place]))
+        red = (pixels[:, :, 0] > 100) & (pixels[:, :, 1] < 50) & (pixels[:, :, 2] < 50)
+        assert (red.sum() / PIXELS_PER_METRE**2 > 0.03) == is_seen

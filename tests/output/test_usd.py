@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
 from warpsph.output.usd import DrawnBody, UsdCache
 from warpsph.output.usd_check import check_cache
 from warpsph.state import Snapshot
 
 SPACING = 0.01
+BOX = ([-1.0, -0.5, 0.0], [1.0, 0.5, 1.0])
 FRAMES_PER_SECOND = 30.0
 SPIN = 3.0  # [rad/s]
 FLUIDS = {"slide": "#8a6a4a", "deep-water": "#1f6fb2"}
@@ -51,6 +52,7 @@ def open_cache(folder: Path, **options) -> UsdCache:
         fluids=FLUIDS,
         walls=WALLS,
         spacing=SPACING,
+        extent=BOX,
         frames_per_second=FRAMES_PER_SECOND,
         provenance={"version": "0.1.0", "device": {"name": "cpu", "cores": 2}, "seed": None},
         **options,
@@ -134,7 +136,9 @@ def test_walls_in_space_keep_their_faces(tmp_path):
             [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.5, 0.75], [0.0, 0.0, 0.75]],
         ]
     )
-    cache = UsdCache(tmp_path / "usd", fluids=FLUIDS, walls={"box": faces}, spacing=SPACING, frames_per_second=30.0)
+    cache = UsdCache(
+        tmp_path / "usd", fluids=FLUIDS, walls={"box": faces}, spacing=SPACING, extent=BOX, frames_per_second=30.0
+    )
     cache.write(spinning_blob(0))
     assert check_cache(cache.folder) == []
     stage = Usd.Stage.Open(str(cache.root))
@@ -160,7 +164,7 @@ def test_a_fresh_process_reads_what_was_written(sound_cache):
     # 0x8a / 255 = 0.5412 in sRGB is 0.2542 in linear light (IEC 61966-2-1).
     np.testing.assert_allclose(found["colors"][0], [0.2542, 0.1441, 0.0685], atol=1e-4)
     assert set(found["types"]) == {"float[]", "int[]", "color3f[]"}
-    assert found["wall"] == ["guide", 3]
+    assert found["wall"] == ["default", 3]
 
 
 def test_the_checker_and_usd_find_nothing_wrong(sound_cache):
@@ -296,6 +300,7 @@ def test_body_is_a_mesh_under_an_animated_xform(tmp_path):
             walls={},
             bodies=bodies,
             spacing=0.02,
+            extent=BOX,
             frames_per_second=10.0,
             resume_at=resume_at,
         )
@@ -310,9 +315,58 @@ def test_body_is_a_mesh_under_an_animated_xform(tmp_path):
     make(1).write(snapshot(0.1), [(np.array([1.5, 0.0, 2.0]), quarter)])
     assert check_cache(tmp_path) == []
     stage = Usd.Stage.Open(str(tmp_path / "scene.usda"))
-    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Bodies/raft/Surface"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Bodies/raft/raft"))
     first = np.array(mesh.GetPointsAttr().Get())[:3] + np.array([0.0, 0.02, 0.0])
     np.testing.assert_allclose(first, corners, atol=1e-6)
     for frame, place in ((0, [0.9, 0.0, 1.9]), (1, [1.4, 0.0, 2.1])):
         moved = mesh.ComputeLocalToWorldTransform(frame).Transform(Gf.Vec3d(*corners[0].tolist()))
         np.testing.assert_allclose(moved, place, atol=1e-6)
+
+
+def test_walls_can_be_hidden_and_fields_left_out(tmp_path):
+    cache = open_cache(tmp_path / "usd", shows_walls=False, fields=False)
+    cache.write(spinning_blob(0))
+    assert check_cache(cache.folder) == []
+    stage = Usd.Stage.Open(str(cache.root))
+    walls = stage.GetPrimAtPath("/World/Walls").GetChildren()
+    assert {UsdGeom.Mesh(wall).GetPurposeAttr().Get() for wall in walls} == {"guide"}
+    fluid = stage.GetPrimAtPath("/World/Fluid").GetChildren()[0]
+    assert fluid.HasAttribute("primvars:speed")
+    assert not fluid.HasAttribute("primvars:density") and not fluid.HasAttribute("primvars:pressure")
+
+
+def test_the_camera_has_the_whole_scene_in_its_picture(tmp_path):
+    """Every corner of the box around fluid and walls lies between the edges of the camera's frustum."""
+    cache = open_cache(tmp_path / "usd")
+    cache.write(spinning_blob(0))
+    stage = Usd.Stage.Open(str(cache.root))
+    camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/Camera")).GetCamera(0.0)
+    frustum = camera.frustum
+    corners = [Gf.Vec3d(x, y, z) for x in (BOX[0][0], BOX[1][0]) for y in (-0.5, 0.5) for z in (0.0, 1.0)]
+    assert all(frustum.Intersects(corner) for corner in corners)
+    assert camera.transform.TransformDir(Gf.Vec3d(0, 1, 0))[2] > 0.5  # upright
+
+
+def test_every_fluid_has_a_preview_material_of_its_colour(tmp_path):
+    cache = open_cache(tmp_path / "usd")
+    cache.write(spinning_blob(0))
+    stage = Usd.Stage.Open(str(cache.root))
+    for prim in stage.GetPrimAtPath("/World/Fluid").GetChildren():
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        shader, _, _ = material.ComputeSurfaceSource()
+        assert shader.GetIdAttr().Get() == "UsdPreviewSurface"
+        (shown,) = UsdGeom.Points(prim).GetDisplayColorAttr().Get()
+        assert shader.GetInput("diffuseColor").Get() == shown
+
+
+@pytest.mark.parametrize(
+    ("gone", "complaint"),
+    [("/World/Camera", "has no camera"), ("/World/Lights", "has no light"), ("/World/Looks", "has no material")],
+)
+def test_a_cache_without_what_an_artist_needs_is_told(tmp_path, gone, complaint):
+    cache = open_cache(tmp_path / "usd")
+    cache.write(spinning_blob(0))
+    layer = Sdf.Layer.FindOrOpen(str(cache.folder / "static.usdc"))
+    del layer.GetPrimAtPath("/World").nameChildren[gone.rpartition("/")[2]]
+    layer.Save()
+    assert any(complaint in problem for problem in check_cache(cache.folder))

@@ -17,9 +17,13 @@ TANK = {"name": "tank", "path": [[0.0, 2.0], [0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]
 POOL = {"name": "pool", "material": "water", "fill": {"level": 1.0, "above": "tank"}}
 
 
-def make(walls=(TANK,), fluids=(POOL,), sound_speed=60.0, **fields) -> Scene:
+PADDLE = {"name": "paddle", "mass": 1.0, "shape": {"box": {"min": [1.4, 0.0], "max": [1.6, 1.5]}}}
+ABOVE_LINE = POOL | {"fill": {"level": 0.6, "above": "line"}}
+
+
+def make(walls=(TANK,), fluids=(POOL,), sound_speed=60.0, density=1000.0, **fields) -> Scene:
     """A scene of those walls and fluids at a spacing of 0.1 m, unless `fields` say otherwise."""
-    water = {"density": 1000.0, "sound_speed": sound_speed}
+    water = {"density": density, "sound_speed": sound_speed}
     return Scene.model_validate(
         {"title": "t", "spacing": 0.1, "materials": {"water": water}, "run": {"end_time": 1.0}}
         | {"walls": list(walls), "fluids": list(fluids)}
@@ -373,7 +377,7 @@ def test_the_slide_lies_on_its_ramp(name):
             make(spacing=1e-5),
             "spacing: 1e-05 m is too fine: fluids[0].fill would take 3e+10 points, 1e+08 is the most",
         ),
-        (make(spacing=1e-9), "spacing: 1e-09 m is too fine: walls would take 2.1e+10 points, 1e+08 is the most"),
+        (make(spacing=1e-6), "spacing: 1e-06 m is too fine: fluids[0].fill would take 3e+12 points, 1e+08 is the most"),
         (
             make(sound_speed=3.0),
             "materials.water.sound_speed: 3 m/s is too low for a drop of 0.95 m; "
@@ -433,6 +437,33 @@ def test_a_bed_between_walls_of_other_names_does_not_leak():
         (
             make([TANK | {"path": [[0.0, 2.0], [0.0, 0.0], [2.95, 0.0], [2.95, 2.0]]}]),
             "fluids[0].fill: its width of 2.95 m is 29.50 spacings; a whole number of them leaves no gap",
+        ),
+        (
+            make(fluids=[POOL | {"fill": {"level": 0.3, "above": "tank"}}]),
+            "fluids[0].fill: its depth of 0.3 m is 3.0 rows of particles; 5 are the least, with spacing=0.06",
+        ),
+        (
+            make([path([-1.0, 1.0], [0.0, 0.0], [1.0, 0.8], [2.0, 0.0], [3.0, 1.0])], [ABOVE_LINE]),
+            "fluids[0].fill: fills 2 basins, from -0.4 to 0.6 m and from 1.5 to 2.5 m; if one is meant, "
+            "'between' tells which",
+        ),
+        (
+            make(gauges=[{"name": "near", "x": 0.1}]),
+            "gauges[0].x: stands 1 spacings off wall 'tank'; 1.5 are needed to see all of the surface; "
+            "x = 0.15 m is free",
+        ),
+        (
+            make(gauges=[{"name": "inside", "x": 1.45}], bodies=[PADDLE]),
+            "gauges[0].x: stands in body 'paddle'; x = 1.25 m is free",
+        ),
+        (
+            make(density=1.9),
+            "materials.water.density: 1.9 kg/m3 is a gas's; if it is in g/cm3, 1900 is meant",
+        ),
+        (
+            make(sound_speed=25.0, bodies=[PADDLE | {"motion": {"kind": "constant", "shift": [4.5, 0]}}]),
+            "materials.water.sound_speed: 25 m/s is low for a body that is moved at 4.5 m/s; "
+            "at least 22.5 m/s is needed (and 45 advised)",
         ),
         (make(fluids=[POOL | {"hold": True}]), "fluids[0].hold: there is no warm_up to hold it through"),
         (

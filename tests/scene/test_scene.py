@@ -1,6 +1,7 @@
 """The scene file: what loads, what it means, and the exact words for every mistake."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from warpsph.scene.shapes import Corner
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
 MANUAL = (Path(__file__).parents[2] / "scenes" / "README.md").read_text(encoding="utf-8")
+FIELDS = ", ".join(Scene.model_fields)
 
 TANK = """\
 title: A tank
@@ -94,9 +96,13 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "\n  end_time: 1.0\n  qqq: 2",
-            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps",
+            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps, absurd",
         ),
-        ("title: A tank", "qqq: A tank", "tank.yaml:1: qqq: no such field"),
+        (
+            "title: A tank",
+            "title: A tank\nqqq: 1",
+            "tank.yaml:2: qqq: no such field; it can be " + ", ".join(Scene.model_fields),
+        ),
         ("density: 1000.0, ", "", "tank.yaml:4: materials.water.density: this field is missing"),
         ("    material: water\n", "", "tank.yaml:9: fluids[0].material: this field is missing"),
         ("run: {end_time: 1.0}", "", "tank.yaml:1: run: this field is missing"),
@@ -105,11 +111,15 @@ def test_an_anchor_is_its_value(load):
             "spacing: 0.1\nspacing: 0.2",
             "tank.yaml:3: spacing: written twice; the first is at tank.yaml:2",
         ),
-        ("title: A tank", "title: A tank\n[]: 1", "tank.yaml:2: []: no such field"),
+        (
+            "title: A tank",
+            "title: A tank\n[]: 1",
+            "tank.yaml:2: []: no such field; it can be " + ", ".join(Scene.model_fields),
+        ),
         (
             "{end_time: 1.0}",
             "{end_time: 1.0, '': 5}",
-            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps",
+            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps, absurd",
         ),
         # types
         ("spacing: 0.1", "spacing: thin", "tank.yaml:2: spacing: a number is needed, not 'thin'"),
@@ -285,7 +295,8 @@ def test_an_anchor_is_its_value(load):
         (
             "spacing: 0.1",
             "spacing: 0.1\ndimensions: 3",
-            "tank.yaml:7: walls[0].width: this field is missing, in a 3-D scene",
+            "tank.yaml:7: walls[0].width: this field is missing, in a 3-D scene\n"
+            "tank.yaml:14: gauges[0].y: this field is missing, in a 3-D scene",
         ),
         (
             "[3.0, 2.0]]",
@@ -514,12 +525,94 @@ def test_a_plane_scene_is_resolved_as_ever(load):
 )
 def test_a_mistake_in_space_is_one_clear_line(load, old, new, words):
     assert old in BOX
-    assert message(load, BOX.replace(old, new, 1)) == words
+    assert message(load, BOX.replace(old, new, 1)).splitlines()[0] == words
 
 
-def test_the_first_mistake_of_the_document_is_told(load):
+def test_all_mistakes_are_told_in_the_order_of_the_document(load):
     text = TANK.replace("end_time: 1.0", "end_time: -1").replace("density: 1000.0", "density: heavy")
-    assert message(load, text) == "tank.yaml:4: materials.water.density: a number is needed, not 'heavy'"
+    text = text.replace("x: 1.5", "y: 2, colour: red").replace("material: water", "materiel: water")
+    assert message(load, text, "xsph=2", "spaceing=0.1").splitlines() == [
+        "tank.yaml:4: materials.water.density: a number is needed, not 'heavy'",
+        "tank.yaml:10: fluids[0].materiel: no such field; did you mean 'material'?",
+        "tank.yaml:13: gauges[0].x: this field is missing",
+        "tank.yaml:13: gauges[0].colour: no such field; it can be name, x, y, bottom, observed",
+        "tank.yaml:14: run.end_time: must be more than 0, not -1",
+        "--set xsph=2: xsph: must be at most 1, not 2",
+        "--set spaceing=0.1: spaceing: no such field; did you mean 'spacing'?",
+    ]
+
+
+def test_what_does_not_hold_together_is_told_at_once(load):
+    text = TANK.replace("material: water", "material: watr").replace("above: tank", "above: tonk")
+    assert [line.partition("; ")[0] for line in message(load, text).splitlines()] == [
+        "tank.yaml:10: fluids[0].material: no material named 'watr'",
+        "tank.yaml:11: fluids[0].fill.above: no wall named 'tonk'",
+    ]
+
+
+def test_more_mistakes_than_are_read_are_counted(load):
+    text = TANK.replace("{name: middle, x: 1.5}", "\n  - ".join(["{x: 1}"] * 20))
+    told = message(load, text).splitlines()
+    assert len(told) == 13 and told[-1] == "and 8 mistakes more"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("spacing: 0.1", "spacing: 1e300", "tank.yaml:2: spacing: must be at most 10000, not 1e+300"),
+        ("spacing: 0.1", "spacing: 5e-324", "tank.yaml:2: spacing: must be at least 1e-06, not 5e-324"),
+        (
+            "above: tank}",
+            "above: tank}\n    velocity: [1e300, 0]",
+            "tank.yaml:12: fluids[0].velocity[0]: must be at most 1e+08, not 1e+300",
+        ),
+        (
+            "50.0}",
+            "50.0, dynamic_viscosity: 1e300}",
+            "tank.yaml:4: materials.water.dynamic_viscosity: must be at most 1e+12, not 1e+300",
+        ),
+        (
+            "50.0}",
+            "50.0, dynamic_viscosity: 1e-300}",
+            "tank.yaml:4: materials.water.dynamic_viscosity: must be 0, or at least 1e-12, not 1e-300",
+        ),
+        (
+            "end_time: 1.0}",
+            "end_time: 5}\noutput: {frames_per_second: 1e6}",
+            "tank.yaml:15: output.frames_per_second: makes 5.0e+06 frames until 5 s; 1,000,000 is the most",
+        ),
+        (
+            "end_time: 1.0}",
+            "end_time: 1}\noutput: {frames_per_second: 1e9}",
+            "tank.yaml:15: output.frames_per_second: must be at most 1e+06, not 1000000000.0",
+        ),
+        ("A tank", '"\\ud800"', "tank.yaml:1: title: text without half letters is needed, not '\\ud800'"),
+        ("A tank", '"a\\0b"', "tank.yaml:1: title: has the letter '\\x00', which cannot be printed"),
+        ("A tank", '"a\\nb"', "tank.yaml:1: title: must be one line"),
+        ("name: pool", f"name: {'p' * 65}", "tank.yaml:9: fluids[0].name: is longer than 64 letters"),
+        (
+            "  - {name: middle, x: 1.5}",
+            "\n".join(f"  - {{name: g{i}, x: 1}}" for i in range(501)),
+            "tank.yaml:12: gauges: has more than 500 entries, which is the most",
+        ),
+    ],
+)
+def test_absurd_numbers_and_words_are_refused_where_they_stand(load, old, new, words):
+    assert old in TANK
+    assert message(load, TANK.replace(old, new, 1)) == words
+
+
+def test_refusals_are_short(load):
+    long = "x" * 5000
+    for text in (
+        TANK.replace("A tank", f"[{long}]"),
+        TANK.replace("tank}", f"{long}}}"),
+        TANK.replace("sound_speed", long),
+        TANK + f"{long}: 1\n",
+        TANK + f"viscosity: {long}\n",
+    ):
+        assert len(message(load, text)) < 600
+    assert len(message(load, TANK, f"spacing={long}")) < 300
 
 
 @pytest.mark.parametrize(
@@ -531,6 +624,12 @@ def test_the_first_mistake_of_the_document_is_told(load):
         ("just words", "tank.yaml:1: a scene is a mapping of fields, not 'just words'"),
         ("title: a\n\tspacing: 1\n", "tank.yaml:2: not YAML: found character '\\t' that cannot start any token"),
         ("[" * 5000, "tank.yaml: nested too deeply to be a scene"),
+        ("a: 1 # " + "x" * 1_000_000, "tank.yaml: longer than 1,000,000 letters; is it a scene?"),
+        (
+            "a: &a [1,1,1,1,1,1,1,1,1,1]\n"
+            + "".join(f"{b}: &{b} [{','.join([f'*{a}'] * 10)}]\n" for a, b in pairwise("abcdefgh")),
+            "tank.yaml: more than 100,000 values; is it a scene?",
+        ),
     ],
 )
 def test_a_file_that_is_no_scene(load, text, words):
@@ -600,7 +699,10 @@ def test_a_mistaken_override_is_named(load, override, words):
 
 def test_the_file_comes_before_the_overrides(load):
     text = TANK.replace("end_time: 1.0", "end_time: -1")
-    assert message(load, text, "spacing=-1") == "tank.yaml:14: run.end_time: must be more than 0, not -1"
+    assert message(load, text, "spacing=-1").splitlines() == [
+        "tank.yaml:14: run.end_time: must be more than 0, not -1",
+        "--set spacing=-1: spacing: must be more than 0, not -1",
+    ]
 
 
 def test_an_error_about_a_default_points_at_what_is_around_it(load):

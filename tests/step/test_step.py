@@ -256,7 +256,7 @@ def test_lists_hold_every_pair_within_the_support(make_scene, device):
         x = simulation.state.position_volume.numpy()[:, :3].astype(float)
         missing = np.linalg.norm(x[:, None] - x, axis=2) < support
         np.fill_diagonal(missing, False)
-        count = neighbours.count.numpy()
+        count = neighbours.neighbour_count.numpy()
         i = np.repeat(np.arange(len(x)), count)
         k = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count)
         missing[i, neighbours.rows()[i, k]] = False

@@ -125,7 +125,7 @@ def test_bytes_that_a_step_moves():
     with bench_bandwidth.recorded_launches() as recorded:
         simulation = bench.ready(case.scene, "cpu", 1, None)
     moved = bench_bandwidth.step_bytes(simulation, recorded) / simulation.model.particle_count
-    lists = 4.0 * simulation.step.neighbours.count.numpy().mean() * simulation.step.sweeps
+    lists = 4.0 * simulation.step.neighbours.neighbour_count.numpy().mean() * simulation.step.sweeps
     assert lists + 100.0 < moved < lists + 1000.0
     assert bench_bandwidth.copy_bandwidth("cpu", 2**20) > 1e8
     assert bench_stages.bytes_per_particle(simulation) > 100.0

@@ -44,4 +44,4 @@ def test_an_old_manual_is_told(tmp_path, monkeypatch, capsys):
     assert scene_fields.main(["--check"]) == 1 and "are old" in capsys.readouterr().out
     assert scene_fields.main([]) == 0 and scene_fields.main(["--check"]) == 0
     written = file.read_text()
-    assert written.startswith("# Before\n") and "| `x` | m | needed |" in written and "old\n" not in written
+    assert written.startswith("# Before\n") and "| `x` | m | none |" in written and "old\n" not in written

@@ -38,10 +38,10 @@ def copy_bandwidth(device: str, size: int = COPY_BYTES) -> float:
 def recorded_launches() -> Iterator[Recorded]:
     """Note every launch that is recorded or chained meanwhile."""
     recorded: Recorded = []
-    record, chain = Launcher.record, Launcher.chain
+    record, chain = Launcher.record_in_order, Launcher.chain
 
-    def note(launcher: Launcher, kernel: wp.Kernel, count: int, arguments: Sequence[Any], **options: int) -> Launch:
-        launch = record(launcher, kernel, count, arguments, **options)
+    def note(launcher: Launcher, kernel: wp.Kernel, count: int, arguments: Sequence[Any], *grain: int) -> Launch:
+        launch = record(launcher, kernel, count, arguments, *grain)
         parameters = kernel.adj.args[1:]  # the first is `first`
         arrays = [
             (value, 2 if parameter.label.endswith("_inout") else 1)
@@ -57,18 +57,18 @@ def recorded_launches() -> Iterator[Recorded]:
         recorded.append((launch, [array for link, arrays in recorded if id(link) in links for array in arrays]))
         return launch
 
-    Launcher.record, Launcher.chain = note, note_chain
+    Launcher.record_in_order, Launcher.chain = note, note_chain
     try:
         yield recorded
     finally:
-        Launcher.record, Launcher.chain = record, chain
+        Launcher.record_in_order, Launcher.chain = record, chain
 
 
 def step_bytes(simulation: Simulation, recorded: Recorded) -> float:
     """Bytes that a step must move at least, from the launches recorded while `simulation` was made."""
     neighbours = simulation.step.neighbours
     used = {
-        neighbours.list.ptr: 4.0 * float(neighbours.count.numpy().sum()),
+        neighbours.neighbour_list.ptr: 4.0 * float(neighbours.neighbour_count.numpy().sum()),
         neighbours.wall_list.ptr: 4.0 * float(neighbours.wall_first.numpy()[-1]),
     }
     stages = {id(stage) for stage in simulation.step.stages.values()}

@@ -125,7 +125,7 @@ def time_steps(simulation: Simulation, steps: int) -> Timing:
         updates_per_second=steps * simulation.model.particle_count / seconds,
         simulated_per_wall=(simulation.time - simulated) / seconds,
         steps_per_list=steps / max(simulation.step.neighbours.rebuilds - rebuilds, 1),
-        neighbours_listed=float(simulation.step.neighbours.count.numpy().mean()),
+        neighbours_listed=float(simulation.step.neighbours.neighbour_count.numpy().mean()),
     )
 
 

@@ -219,7 +219,7 @@ class BodySet:
         """Bodies from the fractions `begin` to `end` of the step; their points follow by `move_points`."""
         state = [self.shift, self.turn, self.position, self.orientation, self.velocity, self.spin]
         part = [wp.float64(begin), wp.float64(end), time, dt]
-        return self.launcher.record(
+        return self.launcher.record_in_order(
             body_kernels.drift_bodies, self.count, [self.constants, self.motions, *part, *state]
         )
 
@@ -230,13 +230,13 @@ class BodySet:
         state = [self.position, self.orientation, self.velocity, self.spin]
         points = [self.point_position, self.point_velocity, self.point_normal]
         launches = [
-            self.launcher.record(
+            self.launcher.record_in_order(
                 body_kernels.move_points,
                 self.point_count,
                 [self.point_body, self._offset, self._outward, *state, *points],
             )
         ] + [
-            self.launcher.record(
+            self.launcher.record_in_order(
                 body_kernels.turn_vectors, self.point_count, [self.point_body, vectors, self.orientation, out]
             )
             for vectors, out in ((self._before, self.point_before), (self._after, self.point_after))
@@ -254,8 +254,8 @@ class BodySet:
         sums = [self._block_force, self._block_torque]
         if not self.point_count:
             return lambda: None
-        by_block = self.launcher.record(body_kernels.sum_load_blocks, self._block_count, [*blocks, *sums])
-        by_body = self.launcher.record(
+        by_block = self.launcher.record_in_order(body_kernels.sum_load_blocks, self._block_count, [*blocks, *sums])
+        by_body = self.launcher.record_in_order(
             body_kernels.sum_loads, self.count, [self._body_first_block, *sums, self.force, self.torque]
         )
 
@@ -269,7 +269,7 @@ class BodySet:
         """Velocity and spin by loads and gravity over the whole step, and then made admissible by contact."""
         inverse = [self.inverse_mass, self.inverse_inertia]
         before = [self.velocity_before, self.spin_before]
-        kick = self.launcher.record(
+        kick = self.launcher.record_in_order(
             body_kernels.kick_bodies,
             self.count,
             [
@@ -281,12 +281,12 @@ class BodySet:
             return kick
         leg_count = len(self._legs)
         place = [self.position, self.orientation]
-        find = self.launcher.record(
+        find = self.launcher.record_in_order(
             contact_kernels.find_contacts,
             self.count * leg_count,
             [self.contact, leg_count, *place, self.inverse_mass, self._chosen],
         )
-        gather = self.launcher.record(
+        gather = self.launcher.record_in_order(
             contact_kernels.gather_contacts,
             self.count,
             [
@@ -302,7 +302,7 @@ class BodySet:
             array.reshape((1, -1))
             for array in (self.velocity, self.spin, self.shift, self.turn, self._impulse, self.received)
         ]
-        solve = self.launcher.record(
+        solve = self.launcher.record_in_order(
             contact_kernels.solve_contacts,
             1,
             [

@@ -63,11 +63,13 @@ class Cells:
         self.start = wp.zeros(cells + 1, dtype=int, device=launcher.device)
         self._launches = (
             [
-                launcher.record(kernels.find_cells, self._count, [grid, position, self.cell, self.order]),
+                launcher.record_in_order(kernels.find_cells, self._count, [grid, position, self.cell, self.order]),
                 lambda: wp.utils.radix_sort_pairs(self.cell, self.order, self._count, end_bit=self._bits),
-                launcher.record(kernels.search_starts, cells + 1, [self._count, self.cell, self.start])
+                launcher.record_in_order(kernels.search_starts, cells + 1, [self._count, self.cell, self.start])
                 if launcher.device.is_cuda
-                else launcher.record(kernels.find_starts, self._count, [self._count, cells, self.cell, self.start]),
+                else launcher.record_in_order(
+                    kernels.find_starts, self._count, [self._count, cells, self.cell, self.start]
+                ),
             ]
             if self._count
             else []

@@ -1,9 +1,10 @@
 """Launching: the one place that knows how a kernel is spread over cores or handed to a GPU."""
 
 import os
+import re
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
@@ -66,6 +67,46 @@ def alias(array: wp.array, dtype: Any, length: int, offset: int = 0) -> wp.array
 def floats(vectors: wp.array) -> wp.array:
     """Vectors of three as the floats that they are made of."""
     return alias(vectors, float, 3 * len(vectors))
+
+
+def bound(kernel: wp.Kernel, owners: Sequence[object], named: Mapping[str, Any]) -> list[Any]:
+    """The arguments of `kernel` after `first`, each by the name of its parameter.
+
+    What `named` has is taken from there, under the whole name or without `_in`, `_inout` or `_out`; the rest is the
+    attribute of an owner without these. Vectors are handed over as the numbers that they are made of where the kernel
+    reads those.
+
+    Raises:
+        TypeError: a parameter that nobody knows, or about which owners do not agree; a name that is no parameter.
+    """
+    parameters = [(one.label, re.sub("_(in|out|inout)$", "", one.label), one.type) for one in kernel.adj.args[1:]]
+    words = [word for name, word, _ in parameters if name not in named]
+    unknown = named.keys() - {name for name, *_ in parameters} - {word for _, word, _ in parameters}
+    if unknown or len(set(words)) < len(words):
+        raise TypeError(
+            f"{kernel.key}: has no parameter {unknown}" if unknown else f"{kernel.key}: name {words} in full"
+        )
+    arguments = []
+    for name, word, kind in parameters:
+        if name in named or word in named:
+            found = [named[name] if name in named else named[word]]
+        else:
+            found = [value for one in owners if (value := getattr(one, word, None)) is not None]
+        if not found or any(value is not found[0] for value in found):
+            who = ", ".join(type(one).__name__ for one in owners)
+            raise TypeError(f"{kernel.key}: {who} {'do not agree on' if found else 'do not have'} '{word}'")
+        arguments.append(_as_read(found[0], getattr(kind, "dtype", None)))
+    return arguments
+
+
+def _as_read(value: Any, dtype: Any) -> Any:
+    """An array of vectors as the array of `dtype` that a kernel reads, if these are their parts."""
+    if isinstance(value, wp.array) and dtype is not value.dtype and value.dtype in (wp.vec3, wp.vec4):
+        if dtype is wp.float32:
+            return alias(value, float, value.dtype._length_ * len(value))
+        if dtype is wp.uint64 and value.dtype is wp.vec4:
+            return alias(value, wp.uint64, 2 * len(value))
+    return value
 
 
 class Launch:
@@ -179,12 +220,16 @@ class Launcher:
         self._team = Team(self.threads, self.device)
         self._pinned: dict[tuple[Any, int], wp.array] = {}  # by type and length
 
-    def record(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any], grain: int = 64) -> "Launch":
+    def record(self, kernel: wp.Kernel, count: int, /, *owners: object, grain: int = 64, **named: Any) -> "Launch":
         """A callable that launches `kernel` over 0..count-1 each time that it is called.
 
-        `arguments` are those after `first`. Arrays are bound now: write into them in place. `grain` is the least number
-        of entries worth waking a thread for.
+        Arguments go by name, as `bound` tells. Arrays are bound now: write into them in place. `grain` is the least
+        number of entries worth waking a thread for.
         """
+        return self.record_in_order(kernel, count, bound(kernel, owners, named), grain)
+
+    def record_in_order(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any], grain: int = 64) -> "Launch":
+        """The same with the arguments after `first` in the order of the kernel's parameters."""
         parts = self.threads if count >= grain * self.threads else 1
         turns = TURNS if parts > 1 and count >= LONG_TURN * TURNS * parts else 1
         edges = [count * part // (parts * turns) for part in range(parts * turns + 1)]
@@ -239,5 +284,5 @@ class Launcher:
         return self._pinned[key].numpy()
 
     def run(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> None:
-        """Launch once."""
-        self.record(kernel, count, arguments)()
+        """Launch once, with the arguments after `first` in the order of the kernel's parameters."""
+        self.record_in_order(kernel, count, arguments)()

@@ -13,7 +13,7 @@ from warpsph.state import State
 
 @dataclass(frozen=True)
 class Budget:
-    """Energies of all fluids [J, or J/m in 2-D]; the last three are sums over time since the release."""
+    """Energies of all fluids [J, or J/m in 2-D]; the last four are sums over time since the release."""
 
     kinetic: float
     potential: float
@@ -21,14 +21,16 @@ class Budget:
     dissipated: float  # by viscosity, the tensile correction and density diffusion
     wall_work: float  # done on the fluid by walls
     damped: float  # by the damping of a warm-up
+    gone: float = 0.0  # with particles that left
 
     @property
     def total(self) -> float:
-        """What must not change: kinetic + potential + internal + dissipated + damped - wall work."""
-        return self.kinetic + self.potential + self.internal + self.dissipated + self.damped - self.wall_work
+        """What must not change: kinetic + potential + internal + dissipated + damped + gone - wall work."""
+        has = self.kinetic + self.potential + self.internal
+        return has + self.dissipated + self.damped + self.gone - self.wall_work
 
     def parts(self) -> list[float]:
-        """The six parts in the order above."""
+        """The seven parts in the order above."""
         return [getattr(self, part.name) for part in fields(self)]
 
 
@@ -55,17 +57,12 @@ class Energy:
     """Sums over the particles of a state."""
 
     def __init__(self, model: Model, state: State) -> None:
-        fluids = len(model.fluid_names)
+        fluids, self._state = len(model.fluid_names), state
         rows = state.block_count * fluids
         self._sums = wp.zeros((rows, kernels.COLUMN_COUNT), dtype=wp.float64, device=model.launcher.device)
         self._shape = (state.block_count, fluids, kernels.COLUMN_COUNT)
         self._measure = model.launcher.record(
-            kernels.sum_blocks,
-            rows,
-            [
-                *(model.parameters, state.blocks, fluids, state.position, state.velocity),
-                *(state.density, state.work, state.fluid, self._sums),
-            ],
+            kernels.sum_blocks, rows, model, state, fluid_count=fluids, sums=self._sums
         )
 
     def measure(self) -> tuple[Budget, list[Motion]]:
@@ -74,12 +71,13 @@ class Energy:
         blocks = self._sums.numpy().reshape(self._shape)
         fluids = blocks.sum(axis=0)
         total = fluids.sum(axis=0)
-        budget = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS))
+        budget = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS), gone=float(self._state.energy_gone.numpy()[0]))
         motions = [
             Motion(
                 mass=float(row[kernels.MASS]),
-                center=row[_X] / row[kernels.MASS],
-                velocity=row[_U] / row[kernels.MASS],
+                # A fluid that has left as a whole is nowhere.
+                center=row[_X] / row[kernels.MASS] if row[kernels.MASS] else np.full(3, np.nan),
+                velocity=row[_U] / row[kernels.MASS] if row[kernels.MASS] else np.full(3, np.nan),
                 front=float(blocks[:, f, kernels.FRONT].max()),
                 top_speed=float(blocks[:, f, kernels.TOP_SPEED].max()),
             )

@@ -71,16 +71,28 @@ class Gauges:
         """Bind the launches to the packed particles as they are now: they move when more ghosts need room."""
         model, self._read = self._model, self._state.position_volume
         reach, record = model.support + model.longest_motion, model.launcher.record
-        cells = [model.grid, model.parameters, reach, self._cells.start]
         self._find_fraction = record(
             volume_fraction_kernel(model.scene.smoothing.kernel),
             len(self._points),
-            [*cells, self._points, self._read, self._fraction],
+            model,
+            reach=reach,
+            start=self._cells.start,
+            point=self._points,
+            position_volume=self._read,
+            fraction=self._fraction,
         )
         self._find_tops = record(
             find_tops,
             len(self.names),
-            [model.grid, model.support, reach, self._cells.start, self._lines, self._read, self._tops],
+            model,
+            across=model.support,
+            reach=reach,
+            fluid_count=len(model.fluid_names),
+            start=self._cells.start,
+            place=self._lines,
+            position_volume=self._read,
+            fluid=self._state.fluid,
+            top=self._tops,
         )
 
     def levels(self) -> list[float]:

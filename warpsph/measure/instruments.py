@@ -72,12 +72,11 @@ class Instruments:
         self._scene, self._model, self._state, self._cells = scene, model, state, neighbours.cells
         self._bodies = bodies
         self._names = list(columns(scene))
-        for kind in ("gauges", "probes"):
-            for i, part in enumerate(getattr(scene, kind)):
-                try:
-                    _ = part.observed and read_observed(part.observed)
-                except ValueError as error:
-                    raise scene.error(f"{kind}[{i}].observed", str(error)) from None
+        for i, probe in enumerate(scene.probes):
+            try:
+                _ = probe.observed and read_observed(probe.observed)
+            except ValueError as error:
+                raise scene.error(f"probes[{i}].observed", str(error)) from None
         if not self._names:
             return
         self._surfaces = {}
@@ -136,14 +135,14 @@ class Instruments:
         fluid = wp.zeros(m.particle_count, dtype=int, device=device)
         order, count_all = scatter_kernel(wp.vec3d), m.particle_count
         m.launcher.run(order, count_all, [s.id, s.position, self.last_position])
-        m.launcher.run(scatter_kernel(int), count_all, [s.id, s.fluid, fluid])
         # The volumes at the sample before, and its time [s].
         self.last_sample = wp.array(np.append(np.zeros(count), -np.inf), dtype=wp.float64, device=device)
-        look = [m.parameters, s.blocks, struct, now, self.last_position, fluid, passed]
+        look = {"gates": struct, "fluid_count": len(m.fluid_names), "position": now, "fluid": fluid, "passed": passed}
         return [
-            m.launcher.record(order, count_all, [s.id, s.position, now]),
-            m.launcher.record(kernels.count_passing, s.block_count, look),
-            m.launcher.record(kernels.add_passed, count, [s.block_count, passed, self.volume]),
+            m.launcher.record_in_order(order, count_all, [s.id, s.position, now]),
+            m.launcher.record_in_order(scatter_kernel(int), count_all, [s.id, s.fluid, fluid]),
+            m.launcher.record(kernels.count_passing, s.block_count, m, s, **look, last_position=self.last_position),
+            m.launcher.record(kernels.add_passed, count, block_count=s.block_count, passed=passed, volume=self.volume),
             lambda: wp.copy(self.last_position, now),
         ]
 
@@ -164,10 +163,13 @@ class Instruments:
             self._launch = m.launcher.record(
                 kernels.probe_kernel(m.scene.smoothing.kernel),
                 len(self._points),
-                [
-                    *(m.grid, m.parameters, m.support + m.longest_motion, self._cells.start, self._points),
-                    *(self._normals, self._read, s.velocity, s.density, s.fluid, self._sums),
-                ],
+                m,
+                s,
+                reach=m.support + m.longest_motion,
+                start=self._cells.start,
+                point=self._points,
+                normal=self._normals,
+                sums=self._sums,
             )
         if self._riding:
             points, places = self._points.numpy().copy(), self._bodies.places()

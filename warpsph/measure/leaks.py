@@ -37,29 +37,24 @@ def behind_walls(model: Model, position: wp.array | NDArray[np.float64]) -> NDAr
 
 def _levels(model: Model) -> Iterator[tuple]:
     """Grid, radius [m], starts of cells, points and normals of each round; the last sees all of its points."""
-    grid, device = model.grid, model.launcher.device
-    position, normal, start = model.wall_position, model.wall_normal, model.wall_start
-    if model.has_dummies:
-        position, normal, start = _drawn(model)
-    yield grid, min(grid.reach[0], 2) / grid.inverse_edge, start, position, normal
-    edge = 2.0 / grid.inverse_edge
-    points, normals = position.numpy(), normal.numpy()
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    is_last = False
-    while not is_last:
-        kept = _one_in_each(points, normals, lower, edge / PARTS)
-        points, normals = points[kept], normals[kept]
-        grid = cell_grid(lower, upper, 2.0 * edge, model.scene.dimensions, len(points))
-        is_last = max(grid.inner) <= 2
-        position = wp.array(points, dtype=wp.vec3, device=device)
+    grid, edge = model.grid, 2.0 / model.grid.inverse_edge
+    points, normals = (values.astype(np.float32) for values in model.wall_line)
+    radius, lower, upper = min(grid.reach[0], 2) / grid.inverse_edge, points.min(axis=0), points.max(axis=0)
+    while True:
+        position = wp.array(points, dtype=wp.vec3, device=model.launcher.device)
         cells = Cells(grid, position, model.launcher)
         cells.sort()
         order = cells.order.numpy()[: len(points)]
         points, normals = points[order], normals[order]
         position.assign(points)
-        normal = wp.array(normals, dtype=wp.vec3, device=device)
-        yield grid, math.inf if is_last else 2.0 / grid.inverse_edge, cells.start, position, normal
+        yield grid, radius, cells.start, position, wp.array(normals, dtype=wp.vec3, device=model.launcher.device)
+        if math.isinf(radius):
+            return
+        kept = _one_in_each(points, normals, lower, edge / PARTS)
+        points, normals = points[kept], normals[kept]
+        grid = cell_grid(lower, upper, 2.0 * edge, model.scene.dimensions, len(points))
         edge = 2.0 / grid.inverse_edge
+        radius = math.inf if max(grid.inner) <= 2 else edge
 
 
 def _drawn(model: Model) -> tuple[wp.array, wp.array, wp.array]:

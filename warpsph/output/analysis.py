@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from pydantic import ValidationError
 
 from warpsph.measure.compare import compared, read_observed
 from warpsph.measure.wave_train import find_train, harmonic, phase_speed, reflected, reflected_sea, spectrum
-from warpsph.output.frames import INK, LINE_PALETTE, new_plots
+from warpsph.output.plots import INK, LINE_PALETTE, SIZE, new_plots
 from warpsph.output.records import find_crest, read_record
 from warpsph.scene.instruments import Observed
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.scene import Scene
 from warpsph.theory.waves import (
     HIGHEST,
     LOWEST,
@@ -34,12 +33,7 @@ from warpsph.theory.waves import (
 
 log = logging.getLogger("warpsph")
 
-KINDS = {
-    "probes": "Probes",
-    "forces": "Forces on walls",
-    "run_up": "Run-up",
-    "overtopping": "Overtopping",
-}
+KINDS = ("probes", "forces", "run_up", "overtopping")
 # Waves that have passed a gauge before its record counts, and how many there must be then.
 SETTLING, LEAST = 2.0, 3.0
 
@@ -203,7 +197,9 @@ def _observed(scene: Scene, folder: Path) -> dict[str, dict[str, float]]:
         if heading not in record:
             continue
         try:
-            result = compared(record["time [s]"], record[heading], *read_observed(observed))
+            # A level was observed above that at rest.
+            rest = record[heading][0] if name.startswith("gauges/") else 0.0
+            result = compared(record["time [s]"], record[heading] - rest, *read_observed(observed))
         except ValueError as error:
             log.warning("%s", error)
             continue
@@ -227,51 +223,25 @@ def _held_against(scene: Scene) -> Iterator[tuple[str, Observed, str]]:
 # --------------------------------------------------------------------------------------------------------- plots
 
 
-def instrument_plots(run_dir: Path) -> Iterator[tuple[str, str, Figure]]:
-    """Heading, caption and figure of each plot of instruments of a run folder, for the report."""
-    for kind, heading in KINDS.items():
-        records = {path.stem: read_record(path) for path in sorted((run_dir / kind).glob("*.csv"))}
-        records = {name: record for name, record in records.items() if len(record["time [s]"]) > 1}
-        if records:
-            yield heading, f"{heading} over time", _draw(records)
-    try:
-        scene = load_scene(run_dir / "scene.yaml")
-    except (SceneError, ValidationError, OSError):
-        return
+def instrument_plots(run_dir: Path, scene: Scene) -> Iterator[tuple[str, Figure]]:
+    """Caption and figure of what probes observed elsewhere, and of the spectra of a sea, for the report."""
     for name, observed, heading in _held_against(scene):
         record = _columns(run_dir / f"{name}.csv")
-        if heading not in record or len(record["time [s]"]) < 2:
-            continue
+        if name.startswith("gauges/") or heading not in record or len(record["time [s]"]) < 2:
+            continue  # the report draws what gauges observed over their records
         try:
             seen = read_observed(observed)
         except ValueError:
             continue
-        yield "Held against what was observed", f"{name}, computed and observed", _draw_observed(record, heading, seen)
+        yield f"{name.partition('/')[2]}, computed and observed", _draw_observed(record, heading, seen)
     if scene.wave_maker and scene.wave_maker.waves == "irregular":
         figure = _draw_spectra(scene, run_dir)
         if figure is not None:
-            yield "Spectra", "Spectra at the gauges and that asked for", figure
-
-
-# Not more columns than this go side by side.
-MOST_PANELS = 3
-
-
-def _draw(records: dict[str, dict[str, np.ndarray]]) -> Figure:
-    """The first columns of all records of a kind, each in a panel of its own."""
-    headings = [heading for heading in next(iter(records.values())) if heading != "time [s]"][:MOST_PANELS]
-    figure, panels = new_plots(len(headings))
-    for axes, heading in zip(panels, headings, strict=True):
-        for (name, record), color in zip(records.items(), cycle(LINE_PALETTE), strict=False):
-            axes.plot(record["time [s]"], record[heading], color=color, linewidth=1.2, label=name)
-        axes.set(xlabel="time [s]", ylabel=heading)
-        axes.margins(x=0.0)
-    panels[0].legend(frameon=False, fontsize=10, labelcolor=INK)
-    return figure
+            yield "Spectra at the gauges and that asked for", figure
 
 
 def _draw_observed(record: dict[str, np.ndarray], heading: str, seen: tuple[np.ndarray, np.ndarray]) -> Figure:
-    figure, (axes,) = new_plots(1)
+    figure, (axes,) = new_plots(1, SIZE)
     time, (at, value) = record["time [s]"], seen
     axes.plot(at, value, color=INK, linewidth=1.0, marker=".", markersize=3, label="observed")
     axes.plot(time, record[heading], color=LINE_PALETTE[0], linewidth=1.4, label="computed")
@@ -283,7 +253,7 @@ def _draw_observed(record: dict[str, np.ndarray], heading: str, seen: tuple[np.n
 def _draw_spectra(scene: Scene, run_dir: Path) -> Figure | None:
     """Spectra of all gauges, bands of eight frequencies, over that asked for; None where records are too short."""
     maker = scene.wave_maker
-    figure, (axes,) = new_plots(1)
+    figure, (axes,) = new_plots(1, SIZE)
     drawn = False
     for gauge, color in zip(scene.gauges, cycle(LINE_PALETTE), strict=False):
         record = _columns(run_dir / "gauges" / f"{gauge.name}.csv")

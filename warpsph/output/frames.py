@@ -1,4 +1,4 @@
-"""Pictures of a run: a frame of particles, an animation of frames, the gauge records.
+"""Pictures of the particles of a run, a PNG for each frame.
 
 Everything is drawn on Matplotlib's Agg canvas, which needs no screen, and without pyplot's global state; particles by
 a kernel, into the pixels of that canvas.
@@ -6,15 +6,13 @@ a kernel, into the pixels of that canvas.
 
 from __future__ import annotations
 
-import errno
 import os
 import struct
-import subprocess
 import zlib
 from collections.abc import Mapping, Sequence
-from itertools import cycle
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -24,25 +22,18 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from PIL import Image
 
 from warpsph.bodies.body_set import rotation
 from warpsph.device.launch import CAPTURE
-from warpsph.kernels.pictures import paint_discs
-from warpsph.output.records import find_crest, read_record
+from warpsph.kernels.pictures import paint_discs, paint_spheres
+from warpsph.output.camera import Camera
+from warpsph.output.plots import GREY, INK, style_labels
 
 if TYPE_CHECKING:
     from warpsph.output.usd import DrawnBody, Place
     from warpsph.state import Snapshot
 
 Window = tuple[tuple[float, float], tuple[float, float]]
-
-# Colours of materials that name none, and of lines in plots.
-MATERIAL_PALETTE = ("#2f7fb8", "#8a6a4a", "#3c8d7b", "#b98a2e", "#7d5a9b", "#b0513f")
-BODY_PALETTE = ("#8c8f94", "#b0895a", "#6f7f6a", "#a46d62")
-LINE_PALETTE = ("#1f5f99", "#c2512f", "#2e7d5b", "#8a4f9e", "#a67c00", "#4a5560")
-INK = "#2b2f33"
-GREY = "#9aa0a6"
 
 DOTS_PER_INCH = 100
 WIDTH = 1280  # of a frame [px]
@@ -54,27 +45,28 @@ LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
 SMALLEST_DISC = 5.0
 # So many particles are painted at a time: more would only take memory.
 BLOCK = 1 << 18
-GIF_WIDTH = 800  # [px]
-GIF_RATE = 15.0  # pictures per second of an animated GIF, about [1/s]
+# How far the colour of the fastest particles is from that of their material to white: more is lost on white paper.
+PALEST = 0.45
+FLAT, LIT = "flat", "lit"
 
 
-# -------------------------------------------------------------------------------------------------- frames of particles
+@dataclass(frozen=True)
+class Marks:
+    """What is marked in pictures besides what is there.
 
-
-def fluid_colors(fluid_materials: Mapping[str, str], material_colors: Mapping[str, str | None]) -> dict[str, str]:
-    """Colour of each fluid, `#rrggbb`.
-
-    Args:
-        fluid_materials: Name of each fluid, and of its material.
-        material_colors: Name of each material, and its colour; None takes the next of the palette.
+    Attributes:
+        gauges: Where each gauge stands, x, y [m], by its name.
+        levels: Levels of still water [m].
+        height: From where to where the mark of a gauge reaches up in space [m].
     """
-    palette = cycle(MATERIAL_PALETTE)
-    colors = {material: color or next(palette) for material, color in material_colors.items()}
-    return {fluid: colors[material] for fluid, material in fluid_materials.items()}
+
+    gauges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    levels: Sequence[float] = ()
+    height: tuple[float, float] = (0.0, 0.0)
 
 
 def window_around(points: np.ndarray, spacing: float) -> Window:
-    """A window ((x, x), (z, z)) [m] around points of the x-z plane [m], shape [n, 2], with a little air.
+    """A window ((x, x), (z, z)) [m] around points of a picture [m], shape [n, 2], with a little air.
 
     `spacing` [m] is that of the particles.
     """
@@ -87,18 +79,21 @@ class FrameWriter:
     """Draws a PNG of the particles for each frame.
 
     Axes, legend and labels are drawn once; a frame restores them and adds the particles, as discs one spacing wide in
-    their material's colour, the lighter the faster. A 3-D scene is seen from its front, where y is least.
+    their material's colour, the lighter the faster; lit as spheres in a 3-D scene.
 
     Args:
         folder: Where frame.00000.png ... go; made when absent.
         title: Written above every frame.
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
-        walls: Lines of the walls in the x-z plane [m], each of shape [corner_count, 2].
+        walls: Lines of the walls [m], each of shape [corner_count, 3].
         bodies: What is drawn of each rigid body, its outline filled.
         spacing: Particle spacing [m].
-        origin: From where all places count, x and z [m]; the axes show it added.
-        window: What is seen, ((x, x), (z, z)) [m].
+        origin: From where all places count [m], shape [3]; the axes show it added.
+        camera: From where the scene is seen.
+        window: What is seen, in the picture's own directions [m].
         speed_scale: Speed that is drawn lightest [m/s].
+        marks: Gauges and still levels.
+        shading: FLAT for discs, LIT for spheres.
     """
 
     def __init__(
@@ -110,27 +105,28 @@ class FrameWriter:
         walls: Sequence[np.ndarray],
         bodies: Sequence[DrawnBody] = (),
         spacing: float,
-        origin: tuple[float, float] = (0.0, 0.0),
+        origin: Sequence[float] = (0.0, 0.0, 0.0),
+        camera: Camera | None = None,
         window: Window,
         speed_scale: float,
+        marks: Marks | None = None,
+        shading: str = FLAT,
     ) -> None:
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._speed_scale = speed_scale
+        self._camera = camera = camera or Camera.of("front", np.zeros(3), np.ones(3))
+        self._speed_scale, self._shading, self._spacing = speed_scale, shading, spacing
+        self._sheet = spacing if shading == FLAT else 0.0
         self._shades = np.stack([_shades(color) for color in fluids.values()])
-        self._shift = np.array(origin)
-        shown = tuple((low + more, high + more) for (low, high), more in zip(window, origin, strict=True))
-        self._figure, axes, legend = _lay_out(shown, fluid_count=len(fluids))
+        away = np.array(origin)
+        self._shift = np.array([away @ camera.right, away @ camera.up]) if camera.axes else np.zeros(2)
+        shown = tuple((low + more, high + more) for (low, high), more in zip(window, self._shift, strict=True))
+        self._figure, axes, legend = _lay_out(shown, fluid_count=len(fluids), names=camera.axes)
         if self._shift.any():
             axes.ticklabel_format(useOffset=False, style="plain")
         self._canvas = FigureCanvasAgg(self._figure)
         _draw_legend(legend, list(fluids), self._shades, speed_scale)
         self._scale = axes.bbox.width / (window[0][1] - window[0][0])  # [px/m]
-        pixels = spacing * self._scale
-        self._radius = 0.5 * (pixels if pixels >= SMALLEST_DISC else 2.0**0.5 * pixels)
-        self._walls = LineCollection(
-            [line + self._shift for line in walls], colors=INK, linewidths=1.5, capstyle="round"
-        )
         self._drawn_bodies = list(bodies)
         self._bodies = [
             PolyCollection(
@@ -143,14 +139,15 @@ class FrameWriter:
         ]
         for body in self._bodies:
             axes.add_collection(body, autolim=False)
-        axes.add_collection(self._walls, autolim=False)
+        near = self._draw_walls(axes, walls)
+        levels = self._mark(axes, marks or Marks(), shown)
         left, (width, height) = axes.bbox.x0, self._figure.bbox.size
         heading = self._figure.text(left, height - 32, title, fontsize=13, fontweight="bold", color=INK, transform=None)
         heading.set_fontsize(13 * min(1.0, (width - left - RIGHT) / heading.get_window_extent().width))
         self._time = self._figure.text(left, axes.bbox.y1 + 14, "", fontsize=13, color=INK, transform=None)
 
-        self._moving = (*self._bodies, self._walls, self._time)
-        for artist in self._moving:
+        self._over = (near, *levels, self._time)
+        for artist in (*self._bodies, *self._over):
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self._figure.bbox)
@@ -159,47 +156,112 @@ class FrameWriter:
         self._origin = np.array([left - self._scale * window[0][0], top + self._scale * window[1][1]])
         box = np.round([(left, top), (axes.bbox.x1, len(self._pixels) - axes.bbox.y0)]).astype(int)
         self._box = [wp.vec2i(*corner) for corner in box.tolist()]
-        self._paint(np.empty((0, 3)), np.empty((0, 3)))  # compiles, if need be, before the first step
+        self._paint(np.empty((0, 2)), np.empty(0), np.empty((0, 3)))  # compiles, if need be, before the first step
+
+    def _flat(self, points: np.ndarray) -> np.ndarray:
+        """Points [m], shape [n, 3], as the axes have them [m], shape [n, 2]."""
+        return self._camera.project(points)[0] + self._shift
+
+    def _draw_walls(self, axes: Axes, walls: Sequence[np.ndarray]) -> LineCollection:
+        """The lines of walls: in perspective those behind are drawn once, below all; returns those before the water."""
+        front = list(walls)
+        if self._camera.axes is None:
+            depth = [float(self._camera.project(line)[1].mean()) for line in walls]
+            front = [line for line, away in zip(walls, depth, strict=True) if away <= 0.0]
+            back = [line for line, away in zip(walls, depth, strict=True) if away > 0.0]
+            axes.add_collection(LineCollection([self._flat(line) for line in back], colors=GREY), autolim=False)
+        style = {"linewidths": 1.5} if self._camera.axes else {"linewidths": 0.9, "alpha": 0.6}
+        near = LineCollection([self._flat(line) for line in front], colors=INK, capstyle="round", **style)
+        axes.add_collection(near, autolim=False)
+        return near
+
+    def _mark(self, axes: Axes, marks: Marks, shown: Window) -> list[LineCollection]:
+        """Mark gauges, below the particles, and still levels, over them: these are returned."""
+        style = {"color": INK, "fontsize": 9, "ha": "center"}
+        for name, (x, y) in marks.gauges.items():
+            foot, head = self._flat(np.array([[x, y, z] for z in marks.height]))
+            if self._camera.axes == ("x", "z"):
+                axes.axvline(foot[0], color=INK, linewidth=0.8, linestyle=(0, (4, 3)), zorder=0)
+                if shown[0][0] < foot[0] < shown[0][1]:
+                    at = (foot[0], shown[1][1])
+                    axes.annotate(name, at, (3, -11), textcoords="offset points", **style | {"ha": "left"})
+                continue
+            ends = [foot, head]
+            if self._camera.axes is None:
+                axes.plot(*np.transpose(ends), color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
+            axes.plot(*head, "v" if self._camera.axes is None else "o", color=INK, markersize=4)
+            axes.annotate(name, head, (0, 6), textcoords="offset points", **style)
+        if self._camera.axes != ("x", "z"):
+            return []
+        heights = [level + self._shift[1] for level in marks.levels]
+        lines = [[(shown[0][0], level), (shown[0][1], level)] for level in heights]
+        still = LineCollection(lines, colors=INK, linewidths=0.8, linestyles=[(0, (1, 3))])
+        axes.add_collection(still, autolim=False)
+        for level in heights:  # the mark of a water level in an engineer's drawing, at the edge of the picture
+            axes.annotate("▽", (shown[0][1], level), (2, 1), textcoords="offset points", fontsize=9, color=INK)
+        return [still]
 
     def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
         """Draw a snapshot, with the bodies in their places, as frame `frame`, and return the path of the picture."""
-        for artist, body, (x, q) in zip(self._bodies, self._drawn_bodies, places, strict=True):
-            corners = x + body.corners @ rotation(q).T
-            faces = body.faces
-            if len(faces) > 1:
-                faces, colors = _seen_from_the_front(corners, np.array(faces), body.color)
-                artist.set(facecolors=colors, edgecolors=colors)
-            artist.set_verts([corners[face, ::2] + self._shift for face in faces])
-        self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
-        self._canvas.restore_region(self._background)
-        away = snapshot.position[:, 1]
-        nearest_last = np.argsort(-away, kind="stable") if away.any() else np.arange(len(away))
-        for begin in range(0, len(away), BLOCK):
-            some = nearest_last[begin : begin + BLOCK]
-            speed = np.linalg.norm(snapshot.velocity[some], axis=1) / self._speed_scale
-            shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
-            self._paint(snapshot.position[some], self._shades[snapshot.fluid[some], shade])
-        for artist in self._moving:
-            self._figure.draw_artist(artist)
         path = self.folder / f"frame.{frame:05d}.png"
         unfinished = path.with_name(f".{path.name}")
-        unfinished.write_bytes(png_bytes(self._pixels[:, :, :3]))
+        unfinished.write_bytes(self.draw(snapshot, places))
         os.replace(unfinished, path)
         return path
 
-    def _paint(self, position: np.ndarray, color: np.ndarray) -> None:
-        """Paint particles at `position` [m], shape [n, 3], in `color`, RGB of 0 to 1, shape [n, 3]."""
-        center = self._origin + position[:, ::2] * [self._scale, -self._scale]
+    def draw(self, snapshot: Snapshot, places: Sequence[Place] = ()) -> bytes:
+        """A snapshot, with the bodies in their places, as a PNG."""
+        for artist, body, (x, q) in zip(self._bodies, self._drawn_bodies, places, strict=True):
+            corners = x + body.corners @ rotation(q).T
+            flat, depth, _ = self._camera.project(corners)
+            faces = body.faces
+            if len(faces) > 1:
+                faces, colors = _faces_seen(corners, flat, depth, np.array(faces), body.color)
+                artist.set(facecolors=colors, edgecolors=colors)
+            artist.set_verts([flat[face] + self._shift for face in faces])
+        self._time.set_text(f"t = {snapshot.time:.3f} s".replace("-", "−"))
+        self._canvas.restore_region(self._background)
+        flat, away, size = self._camera.project(snapshot.position)
+        nearest_last = np.argsort(-away, kind="stable") if away.any() else np.arange(len(away))
+        # Each body covers the particles beyond its centre, and is covered by those before it; a sheet covers nothing.
+        depths = self._camera.project(np.array([x for x, _ in places]).reshape(-1, 3))[1] - self._sheet
+        ends = np.searchsorted(-away[nearest_last], -depths, side="right")
+        drawn = 0
+        for body in np.argsort(-depths, kind="stable"):
+            self._paint_all(snapshot, flat, size, nearest_last[drawn : ends[body]])
+            self._figure.draw_artist(self._bodies[body])
+            drawn = ends[body]
+        self._paint_all(snapshot, flat, size, nearest_last[drawn:])
+        for artist in self._over:
+            self._figure.draw_artist(artist)
+        return png_bytes(self._pixels[:, :, :3])
+
+    def _paint_all(self, snapshot: Snapshot, flat: np.ndarray, size: np.ndarray, order: np.ndarray) -> None:
+        """Paint the particles of a snapshot that `order` names, in its order."""
+        for begin in range(0, len(order), BLOCK):
+            some = order[begin : begin + BLOCK]
+            speed = np.linalg.norm(snapshot.velocity[some], axis=1) / self._speed_scale
+            shade = np.nan_to_num(np.clip(speed, 0.0, 1.0) * (self._shades.shape[1] - 1)).astype(int)
+            self._paint(flat[some], size[some], self._shades[snapshot.fluid[some], shade])
+
+    def _paint(self, flat: np.ndarray, size: np.ndarray, color: np.ndarray) -> None:
+        """Paint particles at `flat` [m], shape [n, 2], `size` times as large, in `color`, RGB of 0 to 1, [n, 3]."""
+        center = self._origin + flat * [self._scale, -self._scale]
         height, width, _ = self._pixels.shape
-        arrays = (
+        pixels = self._spacing * self._scale
+        radius = 0.5 * (pixels if pixels >= SMALLEST_DISC else 2.0**0.5 * pixels)
+        arrays = [
             (center.astype(np.float32)[None], wp.vec2),
             ((255.0 * color).astype(np.float32)[None], wp.vec3),
             (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
-        )
+        ]
+        kernel, numbers = paint_discs, [0, len(flat), radius, width, *self._box]
+        if self._shading == LIT:
+            kernel, numbers = paint_spheres, [0, len(flat), width, *self._box]
+            arrays.insert(1, ((radius * size).astype(np.float32)[None], wp.float32))
         with CAPTURE:  # frames are drawn while steps go on
             seen = [wp.array(values, dtype=dtype, device="cpu", copy=False) for values, dtype in arrays]
-            inputs = [0, len(position), self._radius, width, *self._box, *seen]
-            wp.launch(paint_discs, dim=1, inputs=inputs, device="cpu")
+            wp.launch(kernel, dim=1, inputs=[*numbers, *seen], device="cpu")
 
 
 def png_bytes(pixels: np.ndarray) -> bytes:
@@ -221,30 +283,35 @@ def png_bytes(pixels: np.ndarray) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
-def _seen_from_the_front(corners: np.ndarray, faces: np.ndarray, color: str) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles of a body that face the front, the nearest last, and their colours, lit from above on the left.
+def _faces_seen(
+    corners: np.ndarray, flat: np.ndarray, depth: np.ndarray, faces: np.ndarray, color: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles of a body that face the eye, the nearest last, and their colours, lit from above on the left.
 
-    `corners` [m], shape [n, 3]; `faces` three of them each, counter-clockwise from outside, shape [m, 3].
+    `corners` [m], shape [n, 3]; `flat` the same in the picture, shape [n, 2], and `depth` [m], shape [n]; `faces` three
+    of them each, counter-clockwise from outside, shape [m, 3].
     """
-    a, b, c = np.moveaxis(corners[faces], 1, 0)
+    p, q, r = np.moveaxis(flat[faces], 1, 0)
+    (along, across), (further, higher) = (q - p).T, (r - p).T
+    seen = np.flatnonzero(along * higher - across * further > 0.0)  # still counter-clockwise: the outside
+    seen = seen[np.argsort(-depth[faces[seen]].sum(axis=1), kind="stable")]
+    a, b, c = np.moveaxis(corners[faces[seen]], 1, 0)
     normals = np.cross(b - a, c - a)
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
-    seen = np.flatnonzero(normals[:, 1] < 0.0)
-    seen = seen[np.argsort(-(a + b + c)[seen, 1], kind="stable")]
     light = np.array([-0.3, -0.75, 0.6]) / np.linalg.norm([-0.3, -0.75, 0.6])
-    brightness = 0.55 + 0.55 * np.clip(normals[seen] @ light, 0.0, 1.0)
+    brightness = 0.55 + 0.55 * np.clip(normals @ light, 0.0, 1.0)
     return faces[seen], np.clip(brightness[:, None] * np.array(to_rgb(color)), 0.0, 1.0)
 
 
 def _shades(color: str) -> np.ndarray:
     """A material's colour from rest (a little darker) to the speed scale (pale), RGB, shape [256, 3]."""
     base = np.array(to_rgb(color))
-    darkest, lightest = 0.85 * base, base + 0.7 * (1.0 - base)
+    darkest, lightest = 0.85 * base, base + PALEST * (1.0 - base)
     share = np.linspace(0.0, 1.0, 256)[:, None]
     return darkest + share * (lightest - darkest)
 
 
-def _lay_out(window: Window, fluid_count: int) -> tuple[Figure, Axes, Axes]:
+def _lay_out(window: Window, fluid_count: int, names: tuple[str, str] | None) -> tuple[Figure, Axes, Axes]:
     """A figure whose plot has the window's proportions, the plot, and the axes of its legend at the upper right."""
     (x_low, x_high), (z_low, z_high) = window
     scale = min((WIDTH - LEFT - RIGHT) / (x_high - x_low), TALLEST_PLOT / (z_high - z_low))  # [px/m]
@@ -261,11 +328,15 @@ def _lay_out(window: Window, fluid_count: int) -> tuple[Figure, Axes, Axes]:
 
     left = LEFT + (width - LEFT - RIGHT - plot[0]) / 2
     axes = add_axes(left, BOTTOM, plot)
-    axes.set(xlim=window[0], ylim=window[1], xlabel="x [m]", ylabel="z [m]")
+    axes.set(xlim=window[0], ylim=window[1])
     axes.xaxis.set_major_locator(MaxNLocator(max(2, int(plot[0] / 90)), steps=[1, 2, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(max(2, int(plot[1] / 45)), steps=[1, 2, 5, 10]))
+    if names is None:
+        axes.set_axis_off()
+    else:
+        axes.set(xlabel=f"{names[0]} [m]", ylabel=f"{names[1]} [m]")
     axes.spines[:].set_color(GREY)
-    _style_labels(axes)
+    style_labels(axes)
     return figure, axes, add_axes(left + plot[0] - legend[0], height - legend[1] - 42, legend)
 
 
@@ -279,129 +350,3 @@ def _draw_legend(axes: Axes, names: Sequence[str], shades: np.ndarray, speed_sca
         label.set_horizontalalignment(side)
     axes.tick_params(length=0, labelcolor=INK, labelsize=10, pad=4)
     axes.spines[:].set_visible(False)
-
-
-def _style_labels(axes: Axes) -> None:
-    axes.tick_params(color=GREY, labelcolor=INK, labelsize=10)
-    axes.xaxis.label.set(color=INK, fontsize=11)
-    axes.yaxis.label.set(color=INK, fontsize=11)
-
-
-# ------------------------------------------------------------------------------------------- animation, sheet of frames
-
-
-def animate(frames_dir: Path, out: Path, fps: float) -> Path:
-    """Make an animation of the frames in a folder.
-
-    An MP4 (H.264) where the package imageio-ffmpeg is installed; otherwise an animated GIF, smaller and with fewer
-    pictures per second.
-
-    Args:
-        frames_dir: Holds frame.00000.png ...
-        out: Path of the animation; its suffix is set to what is made.
-        fps: Frames per second of the animation [1/s].
-
-    Returns:
-        Path of the animation.
-
-    Raises:
-        FileNotFoundError: There are no frames.
-        OSError: The animation could not be written.
-    """
-    frames = sorted(Path(frames_dir).glob("frame.*.png"))
-    if not frames:
-        raise FileNotFoundError(errno.ENOENT, "no frames to make an animation of", str(frames_dir))
-    try:
-        from imageio_ffmpeg import get_ffmpeg_exe
-
-        ffmpeg = get_ffmpeg_exe()
-    except (ImportError, RuntimeError):  # the package is not there, or not the program that it should bring
-        path = Path(out).with_suffix(".gif")
-        _write_gif(frames, path, fps)
-    else:
-        path = Path(out).with_suffix(".mp4")
-        _write_mp4(ffmpeg, frames, path, fps)
-    return path
-
-
-def _write_mp4(ffmpeg: str, frames: Sequence[Path], path: Path, fps: float) -> None:
-    """Let ffmpeg read the frames as a numbered sequence."""
-    unfinished = path.resolve().with_name(f".{path.name}")
-    first = frames[0].name.split(".")[1]
-    command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", str(fps), "-start_number", first]
-    # Players expect 4:2:0, which needs the even sizes that frames have, and the index at the front.
-    command += ["-i", "frame.%05d.png", "-c:v", "libx264", "-pix_fmt", "yuv420p"]
-    # This preset takes half the time of the usual one, for as many bytes and a likeness that is 0.0006 less (SSIM).
-    command += ["-preset", "veryfast", "-crf", "18"]
-    command += ["-movflags", "+faststart", str(unfinished)]
-    done = subprocess.run(command, cwd=frames[0].parent, stdin=subprocess.DEVNULL, capture_output=True, check=False)
-    if done.returncode != 0:
-        unfinished.unlink(missing_ok=True)
-        reason = done.stderr.decode(errors="replace").strip().splitlines() or ["no reason given"]
-        raise OSError(errno.EIO, f"ffmpeg could not make the animation: {reason[-1]}", str(path))
-    os.replace(unfinished, path)
-
-
-def _write_gif(frames: Sequence[Path], path: Path, fps: float) -> None:
-    """Write every few frames, smaller, in one palette for all, so that what stands still does not flicker."""
-    step = max(1, round(fps / GIF_RATE))
-    shown = frames[::step]
-
-    def small(frame: Path) -> Image.Image:
-        with Image.open(frame) as picture:
-            width = min(GIF_WIDTH, picture.width)
-            size = width, round(picture.height * width / picture.width)
-            return picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-
-    samples = [np.asarray(small(shown[index])) for index in (0, len(shown) // 2, -1)]
-    palette = Image.fromarray(np.concatenate(samples)).quantize(255)
-    pictures = (small(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in shown)
-    # A GIF counts in hundredths of a second: rounding each instant, not each step, keeps the whole in time.
-    instants = np.round(100.0 * step / fps * np.arange(len(shown) + 1))
-    durations = (10 * np.diff(instants)).astype(int).tolist()
-    unfinished = path.with_name(f".{path.name}")
-    next(pictures).save(unfinished, save_all=True, append_images=pictures, duration=durations, loop=0)
-    os.replace(unfinished, path)
-
-
-# -------------------------------------------------------------------------------------------------------------- records
-
-
-def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO) -> None:
-    """Draw the records of all gauges in one panel, each with the amplitude of its crest.
-
-    Args:
-        csvs: Gauge records; a gauge is called by its file's name, and its first level is that of the water at rest.
-        out: PNG to write.
-    """
-    figure, (axes,) = new_plots(1)
-    for path, color in zip(csvs, cycle(LINE_PALETTE), strict=False):
-        time, level = read_record(path).values()
-        if len(time) == 0:
-            continue
-        axes.plot(time, level - level[0], color=color, linewidth=1.4, label=path.stem)
-        amplitude, crest_time = find_crest(time, level)
-        if amplitude > 0.0:
-            crest = crest_time, amplitude
-            axes.plot(*crest, "o", color=color, markersize=6, markeredgecolor="white", markeredgewidth=0.8)
-            label = axes.annotate(f"{amplitude:.3f} m", crest, xytext=(0, 8), textcoords="offset points", ha="center")
-            label.set(color=color, fontsize=10, fontweight="bold")
-    axes.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-    axes.set(xlabel="time [s]", ylabel="level − still level [m]")
-    axes.margins(x=0.0, y=0.14)
-    axes.legend(frameon=False, loc="upper left", fontsize=10, labelcolor=INK)
-    figure.savefig(out, format="png")
-
-
-def new_plots(count: int) -> tuple[Figure, Sequence[Axes]]:
-    """A figure of plots side by side in the style of all plots of records: two spines, a light grid, quiet ticks."""
-    figure = Figure(figsize=(9.0, 4.2), dpi=150)
-    figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
-    plots = np.atleast_1d(figure.subplots(1, count))
-    for axes in plots:
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(GREY)
-        axes.grid(color="#e4e7ea", linewidth=0.7)
-        axes.set_axisbelow(True)
-        _style_labels(axes)
-    return figure, plots

@@ -1,59 +1,70 @@
-"""The report of a run: one HTML page that holds its pictures, plots and numbers, and needs nothing else."""
+"""The report of a run: one HTML page that holds its film, pictures, plots and numbers, and needs nothing else.
+
+The page is report.html.jinja beside this file; what fills it comes from the files of the run folder alone. Which
+records are plotted stands in `plots.RECORDS`.
+"""
 
 from __future__ import annotations
 
 import json
+import math
+import re
+import shlex
 from base64 import b64encode
 from collections.abc import Iterator, Mapping
-from html import escape
+from dataclasses import dataclass
 from io import BytesIO
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+import jinja2
+import matplotlib
 import numpy as np
-import yaml
+from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from warpsph.output.analysis import instrument_plots
-from warpsph.output.frames import INK, LINE_PALETTE, fluid_colors, gauge_picture, new_plots
-from warpsph.output.records import read_record
+from warpsph.output.colors import fluid_colors
+from warpsph.output.gauge_waves import describe_gauge, off_observed, read_observed
+from warpsph.output.plots import RECORDS, SIZE, TIME, Curves, gauge_figure
+from warpsph.scene.fields import Part
+from warpsph.scene.scene import Scene, SceneError, load_scene
 
 PICTURES = 6  # frames shown, from the first to the last
-
-PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width">
-<title>{title}</title>
-<style>
-body {{ margin: 0 auto; max-width: 60rem; padding: 2rem 1.5rem 4rem; color: #2b2f33; background: #fff;
-       font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", sans-serif; }}
-h1 {{ margin: 0; font-size: 1.7rem; line-height: 1.25; }}
-h2 {{ margin: 2.5rem 0 .75rem; padding-bottom: .25rem; border-bottom: 1px solid #d5d9dd; font-size: 1.2rem; }}
-h3 {{ margin: 1.25rem 0 .25rem; font-size: 1rem; }}
-p {{ margin: .25rem 0; }}
-.quiet {{ color: #646b72; }}
-.warning {{ padding: .4rem .8rem; border-left: 4px solid #c98a1b; background: #fdf6e7; }}
-img {{ display: block; width: 100%; height: auto; margin: .75rem 0; }}
-.facts {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); gap: 0 2.5rem; }}
-table {{ width: 100%; border-collapse: collapse; font-size: .95rem; }}
-td, th {{ padding: .25rem .75rem .25rem 0; border-bottom: 1px solid #eceef0; text-align: left; vertical-align: top; }}
-th {{ color: #646b72; font-weight: 600; }}
-.number {{ text-align: right; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }}
-</style>
-</head>
-<body>
-<h1>{title}</h1>
-{body}
-</body>
-</html>
-"""
+MOST_EMBEDDED = 24e6  # A film of more bytes stays a file beside the page, which would load too slowly.
+NARROW_SPACE = "\u202f"  # which does not break
 
 
 class ReportError(ValueError):
     """There is no finished run to report on; the text is one line for the user."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """A small table: what it is called, and its rows of name and value."""
+
+    name: str
+    rows: list[tuple[str, Any]]
+    color: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """The plots of one kind of records."""
+
+    heading: str
+    words: str
+    plots: list[tuple[str, str]]
+    links: list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Film:
+    """The animation."""
+
+    source: str
+    caption: str
+    is_video: bool
 
 
 def write_report(run_dir: Path) -> Path:
@@ -70,16 +81,26 @@ def write_report(run_dir: Path) -> Path:
     """
     run_dir = Path(run_dir)
     facts = _read_facts(run_dir)
-    body = "\n".join(
-        part
-        for section in (
-            *(_summary(facts), _gauges(run_dir, facts), _instruments(run_dir), _pictures(run_dir), _plots(run_dir)),
-            _facts(facts),
-        )
-        for part in section
-    )
+    scene = _scene_of(run_dir)
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
+    environment.filters["told"] = told
+    template = environment.from_string(Path(__file__).with_name("report.html.jinja").read_text(encoding="utf-8"))
     page = run_dir / "report.html"
-    page.write_text(PAGE.format(title=escape(str(facts.get("title", run_dir.name))), body=body), encoding="utf-8")
+    text = template.render(
+        title=str(facts.get("title", run_dir.name)),
+        source=str(facts.get("source") or ""),
+        outcome=" ".join(filter(None, (str(facts.get("outcome") or ""), str(facts.get("why") or "")))),
+        warnings=[str(warning) for warning in facts.get("warnings") or ()],
+        film=_film(run_dir, scene),
+        gauges=list(_gauges(run_dir, scene)),
+        sections=[*_sections(run_dir, scene), *_compared(run_dir, scene)],
+        frames=list(_frames(run_dir, scene)),
+        setup=list(_setup(run_dir, scene)) if scene else [],
+        command=_command(run_dir, facts) if scene else "",
+        facts=list(_facts(facts)),
+        links=_links(run_dir),
+    )
+    page.write_text(text, encoding="utf-8")
     return page
 
 
@@ -96,160 +117,238 @@ def _read_facts(run_dir: Path) -> dict[str, Any]:
     return facts
 
 
+def _scene_of(run_dir: Path) -> Scene | None:
+    """The run's own scene; None where there is none that this version can read."""
+    try:
+        return load_scene(run_dir / "scene.yaml")
+    except SceneError:
+        return None
+
+
 # ------------------------------------------------------------------------------------------------ sections of the page
 
 
-def _summary(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Where the case comes from, how the run ended, and what to be wary of."""
-    if facts.get("source"):
-        yield f'<p class="quiet">{escape(str(facts["source"]))}</p>'
-    if facts.get("outcome"):
-        yield f"<p>Outcome: {escape(' '.join(filter(None, (str(facts['outcome']), str(facts.get('why') or '')))))}</p>"
-    for warning in facts.get("warnings") or ():
-        yield f'<p class="warning">{escape(str(warning))}</p>'
+def _film(run_dir: Path, scene: Scene | None) -> Film | None:
+    """The animation, in the page itself unless it is too large for one."""
+    found = [path for path in (run_dir / "preview/animation.mp4", run_dir / "preview/animation.gif") if path.exists()]
+    if not found:
+        return None
+    path = found[0]
+    caption = "The lighter, the faster."
+    if scene is not None:
+        shown, made = scene.output.shown_per_second, scene.output.frames_per_second
+        if not math.isclose(shown, made):
+            how = f"{shown / made:.3g} times as fast" if shown > made else f"{made / shown:.3g} times as slow"
+            caption = f"Shown {how} as it happens. {caption}"
+    is_video = path.suffix == ".mp4"
+    if path.stat().st_size > MOST_EMBEDDED:
+        source = path.relative_to(run_dir).as_posix()
+    else:
+        source = _embedded(path.read_bytes(), "video/mp4" if is_video else "image/gif")
+    return Film(source, caption, is_video)
 
 
-def _gauges(run_dir: Path, facts: Mapping[str, Any]) -> Iterator[str]:
-    """The crest at each gauge, and the record of all."""
-    crests = facts.get("gauges")
-    records = sorted(path for path in run_dir.glob("gauges/*.csv") if _has_rows(path))
-    if crests or records:
-        yield "<h2>Wave gauges</h2>"
-    if crests:
-        headings = list(dict.fromkeys(heading for crest in crests.values() for heading in crest))
-        cells = "".join(f'<th class="number">{escape(heading)}</th>' for heading in headings)
-        yield f"<table><tr><th>gauge</th>{cells}</tr>"
-        for name, crest in crests.items():
-            cells = "".join(f'<td class="number">{_text(crest.get(heading))}</td>' for heading in headings)
-            yield f"<tr><td>{escape(name)}</td>{cells}</tr>"
-        yield "</table>"
-    if records:
-        drawn = run_dir / "preview" / "gauges.png"
-        if not drawn.exists() or drawn.stat().st_mtime < max(path.stat().st_mtime for path in records):
-            drawn = BytesIO()
-            gauge_picture(records, drawn)
-        picture = drawn.getvalue() if isinstance(drawn, BytesIO) else drawn.read_bytes()
-        yield _image(picture, "Level above that at rest over time, at each gauge")
+def _gauges(run_dir: Path, scene: Scene | None) -> Iterator[Group]:
+    """What the wave at each gauge comes to."""
+    observed = _observed(scene)
+    places = {gauge.name: gauge for gauge in scene.gauges} if scene else {}
+    for name, record in RECORDS[0].read(run_dir).items():
+        time, level = record[TIME], record["level [m]"]
+        where = places.get(name)
+        rows: list[tuple[str, Any]] = [("x [m]", where.x)] if where else []
+        if where and where.y is not None:
+            rows.append(("y [m]", where.y))
+        rows += describe_gauge(time, level).items()
+        if name in observed:
+            rows += off_observed(time, level, observed[name]).items()
+        yield Group(name, rows)
 
 
-def _instruments(run_dir: Path) -> Iterator[str]:
-    """The records of probes, forces, run-up and overtopping, and what was observed."""
-    last = ""
-    for heading, caption, figure in instrument_plots(run_dir):
-        if heading != last:
-            yield f"<h2>{escape(heading)}</h2>"
-        last = heading
-        yield _plot(figure, caption)
-
-
-def _pictures(run_dir: Path) -> Iterator[str]:
-    """A few frames, evenly spread over the run."""
-    frames = sorted(run_dir.glob("preview/frame.*.png"))
-    if frames:
-        yield "<h2>Pictures</h2>"
-    shown = dict.fromkeys(np.linspace(0, len(frames) - 1, PICTURES).round().astype(int).tolist()) if frames else ()
-    for index in shown:
-        yield _image(frames[index].read_bytes(), f"Frame {index}")
-
-
-def _plots(run_dir: Path) -> Iterator[str]:
-    """The energy budget, and each fluid as a whole."""
-    energy = run_dir / "energy.csv"
-    if _has_rows(energy):
-        yield "<h2>Energy</h2>"
-        yield "<p>Change of each part of the energy budget since the release. The total should stay at zero.</p>"
-        yield _plot(_draw_energy(read_record(energy)), "Change of the parts of the energy budget over time")
-    fluids = {path.stem: read_record(path) for path in sorted(run_dir.glob("fluids/*.csv")) if _has_rows(path)}
-    if fluids:
-        yield "<h2>Fluids</h2>"
-        colors = _fluid_colors(run_dir) or dict(zip(fluids, cycle(LINE_PALETTE), strict=False))
-        yield _plot(_draw_fluids(fluids, colors), "Centre of gravity and front of each fluid over time")
-
-
-def _facts(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Whatever else run.json holds: counts, speed, conservation, provenance."""
-    yield "<h2>The run</h2>"
-    told = ("title", "source", "outcome", "why", "warnings", "gauges")
-    groups = {name: value for name, value in facts.items() if name not in told and isinstance(value, Mapping)}
-    single = {name: value for name, value in facts.items() if name not in (*told, *groups)}
-    yield '<div class="facts">'
-    for name, group in {**({"result": single} if single else {}), **groups}.items():
-        rows = "".join(
-            f'<tr><td>{escape(key)}</td><td class="number">{_text(value)}</td></tr>' for key, value in group.items()
-        )
-        yield f"<div><h3>{escape(name.capitalize())}</h3><table>{rows}</table></div>"
-    yield "</div>"
-
-
-# --------------------------------------------------------------------------------------------------------------- plots
-
-
-def _draw_energy(record: Mapping[str, np.ndarray]) -> Figure:
-    (time_heading, time), *parts = record.items()
-    figure, (axes,) = new_plots(1)
-    for (heading, energy), color in zip(parts, cycle(LINE_PALETTE), strict=False):
-        name, _, unit = heading.partition(" [")
-        is_total = name == "total"
-        style = {"color": INK, "linewidth": 2.0, "linestyle": "--"} if is_total else {"color": color, "linewidth": 1.4}
-        axes.plot(time, energy - energy[0], label=name, **style)
-        axes.set_ylabel(f"energy − energy at the release [{unit}")
-    axes.set_xlabel(time_heading)
-    axes.margins(x=0.0)
-    figure.legend(frameon=False, loc="outside right upper", fontsize=10, labelcolor=INK)
-    return figure
-
-
-def _draw_fluids(fluids: Mapping[str, Mapping[str, np.ndarray]], colors: Mapping[str, str]) -> Figure:
-    plots = {"x [m]": "centre of gravity, x [m]", "z [m]": "centre of gravity, z [m]", "front [m]": "front, x [m]"}
-    figure, panels = new_plots(len(plots))
-    for axes, (heading, label) in zip(panels, plots.items(), strict=True):
-        for name, record in fluids.items():
-            if heading in record:
-                axes.plot(record["time [s]"], record[heading], color=colors.get(name, INK), linewidth=1.6, label=name)
-        axes.set(xlabel="time [s]", ylabel=label)
-        axes.margins(x=0.0)
-    panels[0].legend(frameon=False, fontsize=10, labelcolor=INK)
-    return figure
-
-
-def _fluid_colors(run_dir: Path) -> dict[str, str]:
-    """The colours of the pictures, from the run's own scene; nothing where there is none that can be read."""
+def _observed(scene: Scene | None) -> dict[str, dict[str, np.ndarray]]:
     try:
-        scene = yaml.safe_load((run_dir / "scene.yaml").read_text(encoding="utf-8"))
-        materials = {name: material.get("color") for name, material in scene["materials"].items()}
-        return fluid_colors({fluid["name"]: fluid["material"] for fluid in scene["fluids"]}, materials)
-    except (OSError, yaml.YAMLError, LookupError, TypeError, AttributeError):
+        return read_observed(scene) if scene else {}
+    except SceneError:  # the run has read it; where the folder has been moved to, it may be missing
         return {}
 
 
-def _has_rows(path: Path) -> bool:
-    """Whether a record is there and holds more than its heading."""
-    if not path.exists():
-        return False
-    with path.open(encoding="utf-8") as file:
-        return len([line for line, _ in zip(file, range(2), strict=False)]) == 2
+def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
+    """The plots of all records there are."""
+    for kind in RECORDS:
+        curves = kind.read(run_dir)
+        if not curves:
+            continue
+        if kind.heading == "Wave gauges":
+            figure, _ = gauge_figure(curves, _observed(scene), size=SIZE)
+            figures = [("Level above that at rest over time, at each gauge", figure)]
+        else:
+            figures = list(kind.plots(curves, _colors(scene, curves)))
+        paths = sorted(run_dir.glob(kind.files))
+        links = [(path.name, path.relative_to(run_dir).as_posix()) for path in paths]
+        yield Section(kind.heading, kind.words, [(title, _plot(figure)) for title, figure in figures], links)
 
 
-def _plot(figure: Figure, caption: str) -> str:
+def _compared(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
+    """What probes observed elsewhere, and the spectra of made waves."""
+    plots = [(caption, _plot(figure)) for caption, figure in instrument_plots(run_dir, scene)] if scene else []
+    if plots:
+        yield Section("Held against", "What was observed, or asked for.", plots, [])
+
+
+def _colors(scene: Scene | None, curves: Curves) -> dict[str, str]:
+    """The colours that fluids have in the pictures; none where two have the same, which a plot would not tell apart."""
+    if scene is None:
+        return {}
+    colors = {name: color for name, color in fluid_colors(scene).items() if name in curves}
+    return colors if len(set(colors.values())) == len(colors) else {}
+
+
+def _frames(run_dir: Path, scene: Scene | None) -> Iterator[tuple[str, str]]:
+    """A few frames, evenly spread over the run, by their time."""
+    frames = sorted(run_dir.glob("preview/frame.*.png"))
+    shown = dict.fromkeys(np.linspace(0, len(frames) - 1, PICTURES).round().astype(int).tolist()) if frames else ()
+    for index in shown:
+        number = int(frames[index].name.split(".")[1])
+        caption = f"t = {number / scene.output.frames_per_second:.4g} s" if scene else f"Frame {number}"
+        yield caption, _embedded(frames[index].read_bytes(), "image/png")
+
+
+def _setup(run_dir: Path, scene: Scene) -> Iterator[Group]:
+    """What was run: resolution, numerics and materials."""
+    rows = {name: height / scene.spacing for name, height in _heights(scene).items()}
+    yield Group(
+        "Resolution",
+        [
+            ("dimensions", scene.dimensions),
+            ("spacing [m]", scene.spacing),
+            *((f"rows of {name}", round(count, 1)) for name, count in rows.items()),
+            ("smoothing length / spacing", scene.smoothing.ratio),
+            ("end [s]", scene.run.end_time),
+            *([("warm-up [s]", scene.warm_up.duration)] if scene.warm_up else []),
+        ],
+    )
+    density = scene.density_diffusion
+    yield Group(
+        "Numerics",
+        [
+            ("smoothing kernel", scene.smoothing.kernel),
+            ("integrator", scene.run.integrator),
+            ("Courant number", scene.run.courant),
+            ("walls", scene.wall_model.force),
+            ("artificial viscosity", scene.artificial_viscosity),
+            ("density diffusion", f"{density.model}, {density.delta:g}"),
+            ("gravity [m/s2]", scene.gravity),
+        ],
+    )
+    fastest: dict[str, float] = {}
+    colors = fluid_colors(scene)
+    for fluid in scene.fluids:
+        path = run_dir / "fluids" / f"{fluid.name}.csv"
+        record = RECORDS[-1].read(run_dir).get(fluid.name) if path.exists() else None
+        if record and "top speed [m/s]" in record:
+            fastest[fluid.material] = max(fastest.get(fluid.material, 0.0), float(record["top speed [m/s]"].max()))
+    shown = {fluid.material: colors[fluid.name] for fluid in scene.fluids}
+    for name, material in scene.materials.items():
+        if name not in shown:
+            continue
+        numbers = [
+            (_with_unit(type(material), key), value)
+            for key, value in material.model_dump(exclude_none=True).items()
+            if key != "color"
+        ]
+        if fastest.get(name):
+            numbers.append(("sound speed / fastest particle", material.sound_speed / fastest[name]))
+        yield Group(f"Material {name}", numbers, color=shown[name])
+
+
+def _with_unit(model: type[Part], key: str) -> str:
+    """A field in words, with the unit that its description tells."""
+    unit = re.search(r" \[([^\]]+)\]", model.model_fields[key].description or "")
+    words = key.replace("_", " ")
+    return f"{words} [{unit[1]}]" if unit and unit[1] != "-" else words
+
+
+def _heights(scene: Scene) -> dict[str, float]:
+    """How high each fluid stands as it is drawn [m]: a fill above the lowest point of its wall."""
+    up = 1 if scene.dimensions == 2 else 2
+    walls = {wall.name: wall for wall in scene.walls}
+    found = {}
+    for fluid in scene.fluids:
+        if fluid.fill:
+            bottom = _extent(walls[fluid.fill.above], up)
+            if bottom:
+                found[fluid.name] = fluid.fill.level - bottom[0]
+        elif fluid.shape and (extent := _extent(fluid.shape, up)):
+            found[fluid.name] = extent[1] - extent[0]
+    return found
+
+
+def _extent(shape: Any, up: int) -> tuple[float, float] | None:
+    """The lowest and the highest point of what is drawn in a scene [m]; None where that is not simply written there."""
+    round_one = getattr(shape, "disc", None) or getattr(shape, "sphere", None)
+    if round_one:
+        return round_one.center[-1] - round_one.radius, round_one.center[-1] + round_one.radius
+    if shape.box:
+        return shape.box.min[up], shape.box.max[up]
+    corners = getattr(shape, "polygon", None) or getattr(shape, "path", None)
+    if not corners:
+        return None
+    heights = [point[-1] for point in (getattr(corner, "at", corner) for corner in corners)]
+    return min(heights), max(heights)
+
+
+def _command(run_dir: Path, facts: Mapping[str, Any]) -> str:
+    """What repeats the run, from the folder that holds the run folder."""
+    provenance = facts.get("provenance") or {}
+    device = str(provenance.get("device", "CPU"))
+    name = run_dir.resolve().name
+    on = "" if device.upper() == "CPU" else " --device cuda"
+    version = f"# warpsph {provenance['warpsph']}, where {name} lies\n" if "warpsph" in provenance else ""
+    scene, out = shlex.quote(f"{name}/scene.yaml"), shlex.quote(f"{name}_again")
+    return f"{version}python -m warpsph scene {scene}{on} --out {out}"
+
+
+def _facts(facts: Mapping[str, Any]) -> Iterator[Group]:
+    """Whatever else run.json holds: counts, speed, conservation, provenance."""
+    elsewhere = ("title", "source", "outcome", "why", "warnings", "gauges", "sessions")
+    groups = {name: value for name, value in facts.items() if name not in elsewhere and isinstance(value, Mapping)}
+    single = {name: value for name, value in facts.items() if name not in (*elsewhere, *groups)}
+    for name, group in {**({"result": single} if single else {}), **groups}.items():
+        if group:
+            yield Group(name.capitalize(), list(group.items()))
+
+
+def _links(run_dir: Path) -> list[tuple[str, str]]:
+    """The other files of the run folder."""
+    names = ("scene.yaml", "run.json", "log.txt", "usd/scene.usda", "preview/animation.mp4", "preview/animation.gif")
+    return [(name, name) for name in names if (run_dir / name).exists()]
+
+
+# ------------------------------------------------------------------------------------------------------ words, pictures
+
+
+def _plot(figure: Figure) -> str:
     picture = BytesIO()
-    figure.savefig(picture, format="png")
-    return _image(picture.getvalue(), caption)
+    # The same plot gets the same names within, and the same bytes, wherever it is drawn.
+    with matplotlib.rc_context({"svg.hashsalt": "warpsph"}):
+        figure.savefig(picture, format="svg", metadata={"Date": None})
+    return _embedded(picture.getvalue(), "image/svg+xml")
 
 
-def _image(png: bytes, caption: str) -> str:
-    return f'<img alt="{escape(caption)}" src="data:image/png;base64,{b64encode(png).decode()}">'
+def _embedded(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{b64encode(data).decode()}"
 
 
-def _text(value: Any) -> str:
-    """A fact as it is read: digits in groups of three, numbers to five figures."""
+def told(value: Any) -> Markup | str:
+    """A fact as it is read: digits in groups of three, numbers to four significant digits."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
-        return f"{value:,}".replace(",", "\u202f")  # a narrow space that does not break
+        return f"{value:,}".replace(",", NARROW_SPACE)
     if isinstance(value, float):
-        return f"{value:.5g}"
+        text = f"{value:,.0f}" if 1e4 <= abs(value) < 1e15 else f"{value:.4g}"
+        return text.replace(",", NARROW_SPACE).replace("-", "−")
     if isinstance(value, Mapping):
-        return "<br>".join(f"{escape(str(key))}: {_text(part)}" for key, part in value.items())
+        return Markup("<br>").join(Markup("{}: {}").format(str(key), told(part)) for key, part in value.items())
     if isinstance(value, (list, tuple)):
-        return "<br>".join(_text(part) for part in value)
+        return Markup("<br>").join(told(part) for part in value)
     return "–" if value is None else escape(str(value))

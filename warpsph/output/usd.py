@@ -3,7 +3,7 @@
     usd/scene.usda                  what a renderer opens: /World, its fluids, walls, the list of finished frames, and
                                     where each body is in them
     usd/manifest.usda               names the attributes that the frames hold
-    usd/static.usdc                 the walls, and the surfaces of bodies
+    usd/static.usdc                 the walls, the surfaces of bodies, materials, a camera and lights
     usd/frames/fluid.00000.usdc     one frame; it also opens by itself
 
 Every file is written under another name and then renamed, the root last. Whatever ends the run, the cache therefore
@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+
+from warpsph.output.camera import Camera
 
 if TYPE_CHECKING:
     from warpsph.state import Snapshot
@@ -29,6 +31,8 @@ CLIP_SET = "frames"
 FLUID_SCOPE = "/World/Fluid"
 WALL_SCOPE = "/World/Walls"
 BODY_SCOPE = "/World/Bodies"
+LOOK_SCOPE = "/World/Looks"
+CAMERA, LIGHT_SCOPE = "/World/Camera", "/World/Lights"
 
 # What changes from frame to frame, and so lives in the clips alone: a value in the root would hide them.
 CLIPPED_ATTRIBUTES = {
@@ -44,6 +48,8 @@ CLIPPED_PRIMVARS = {
     "density": (Sdf.ValueTypeNames.FloatArray, "Density [kg/m3]."),
     "id": (Sdf.ValueTypeNames.IntArray, "ids, in the type that renderers read as a primvar."),
 }
+# What an artist may leave out.
+FIELDS = ("pressure", "density")
 # Only of fluids with a rheology.
 RHEOLOGY_PRIMVARS = {
     "apparent_viscosity": (Sdf.ValueTypeNames.FloatArray, "Apparent viscosity [Pa s]."),
@@ -130,6 +136,26 @@ def _ribbon(outline: np.ndarray, half_width: float) -> tuple[np.ndarray, np.ndar
     return points.reshape(-1, 3), np.stack([first, first + 1, first + 3, first + 2], axis=1)
 
 
+# Parameters of the preview materials: of fluids, bodies and walls.
+WET = {"roughness": 0.15, "ior": 1.333}
+DRY = {"roughness": 0.6}
+GLASS = {"roughness": 0.2, "opacity": 0.25}
+WALL_COLOR = "#b9c0c6"
+
+
+def _add_look(stage: Usd.Stage, name: str, color: str, parameters: Mapping[str, float]) -> str:
+    """Define a preview material, which every renderer knows, and return its path."""
+    path = f"{LOOK_SCOPE}/{name}"
+    material = UsdShade.Material.Define(stage, path)
+    shader = UsdShade.Shader.Define(stage, f"{path}/surface")
+    shader.CreateIdAttr("UsdPreviewSurface")
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(_linear_color(color))
+    for parameter, value in parameters.items():
+        shader.CreateInput(parameter, Sdf.ValueTypeNames.Float).Set(value)
+    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+    return path
+
+
 def _loose_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points and four-cornered faces of faces in space, shape [face_count, 4, 3]."""
     points = faces.reshape(-1, 3).astype(np.float32)
@@ -175,6 +201,9 @@ class UsdCache:
         provenance: What made the run, kept in the root file; nested mappings and plain values.
         resume_at: Continue a cache: keep its frames before this one, drop the others.
         rheology: Whether snapshots hold the apparent viscosity and what has yielded.
+        extent: Corners of the box around the fluids at the start [m], shape [3] each.
+        fields: Whether to keep density and pressure.
+        shows_walls: Whether a renderer sees the walls; they are guides otherwise, which a viewer may show.
 
     Raises:
         FileExistsError: The folder holds a cache, and `resume_at` is not given.
@@ -195,6 +224,9 @@ class UsdCache:
         provenance: Mapping[str, Any] | None = None,
         resume_at: int | None = None,
         rheology: bool = False,
+        extent: tuple[Sequence[float], Sequence[float]],
+        fields: bool = True,
+        shows_walls: bool = True,
     ) -> None:
         self.folder = Path(folder)
         self.root = self.folder / "scene.usda"
@@ -204,7 +236,10 @@ class UsdCache:
         self._spacing, self._origin = spacing, origin
         self._frames_per_second = frames_per_second
         self._provenance = dict(provenance or {})
-        self._primvars = CLIPPED_PRIMVARS | (RHEOLOGY_PRIMVARS if rheology else {})
+        kept = {name: primvar for name, primvar in CLIPPED_PRIMVARS.items() if fields or name not in FIELDS}
+        self._primvars = kept | (RHEOLOGY_PRIMVARS if rheology else {})
+        self._shows_walls = shows_walls
+        self._extent = np.asarray(extent, dtype=float)
 
         frames = self.folder / "frames"
         if resume_at is not None:
@@ -272,6 +307,7 @@ class UsdCache:
         radius = np.float32(0.5 * self._spacing)
         extent = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
         of_rheology = {}
+        fields = {"pressure": snapshot.pressure, "density": snapshot.density}
         if snapshot.apparent_viscosity is not None:
             of_rheology = {
                 "primvars:apparent_viscosity": Vt.FloatArray.FromNumpy(snapshot.apparent_viscosity[members]),
@@ -283,8 +319,11 @@ class UsdCache:
             "ids": Vt.Int64Array.FromNumpy(ids),
             "extent": Vt.Vec3fArray.FromNumpy(extent),
             "primvars:speed": Vt.FloatArray.FromNumpy(np.linalg.norm(velocities, axis=1)),
-            "primvars:pressure": Vt.FloatArray.FromNumpy(snapshot.pressure[members].astype(np.float32)),
-            "primvars:density": Vt.FloatArray.FromNumpy(snapshot.density[members].astype(np.float32)),
+            **{
+                f"primvars:{name}": Vt.FloatArray.FromNumpy(values[members].astype(np.float32))
+                for name, values in fields.items()
+                if name in self._primvars
+            },
             "primvars:id": Vt.IntArray.FromNumpy(ids.astype(np.int32)),
             **of_rheology,
         }
@@ -327,10 +366,20 @@ class UsdCache:
             points.SetWidthsInterpolation(UsdGeom.Tokens.constant)
             points.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(color)])
 
+    def _bind(self, prim: Usd.Prim, look: str) -> None:
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(prim.GetStage().GetPrimAtPath(look)))
+
     def _make_static_stage(self, walls: Mapping[str, np.ndarray]) -> Usd.Stage:
-        """Walls as faces, in 2-D as ribbons two spacings wide across the x-z plane; guides that are not rendered."""
+        """Walls, in 2-D as ribbons two spacings wide across the x-z plane; bodies; materials, camera and lights."""
         stage = self._new_stage()
         UsdGeom.Scope.Define(stage, WALL_SCOPE)
+        UsdGeom.Scope.Define(stage, LOOK_SCOPE)
+        for prim_name, (_, color) in self._fluids.items():
+            fluid = UsdGeom.Points.Define(stage, f"{FLUID_SCOPE}/{prim_name}").GetPrim()
+            self._bind(fluid, _add_look(stage, prim_name, color, WET))
+        for prim_name, (_, body) in self._bodies.items():
+            _add_look(stage, f"{prim_name}_body", body.color, DRY)
+        _add_look(stage, "wall", WALL_COLOR, GLASS)
         for prim_name, (name, drawn) in zip(_prim_names(walls), walls.items(), strict=True):
             mesh = UsdGeom.Mesh.Define(stage, f"{WALL_SCOPE}/{prim_name}")
             mesh.GetPrim().SetDisplayName(name)
@@ -341,10 +390,14 @@ class UsdCache:
             mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
             mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
             mesh.CreateDoubleSidedAttr(True)
-            mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+            mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(WALL_COLOR)])
+            mesh.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.constant).Set([GLASS["opacity"]])
+            self._bind(mesh.GetPrim(), f"{LOOK_SCOPE}/wall")
+            if not self._shows_walls:
+                mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
         for prim_name, (name, body) in self._bodies.items():
             UsdGeom.Xform.Define(stage, f"{BODY_SCOPE}/{prim_name}").GetPrim().SetDisplayName(name)
-            mesh = UsdGeom.Mesh.Define(stage, f"{BODY_SCOPE}/{prim_name}/Surface")
+            mesh = UsdGeom.Mesh.Define(stage, f"{BODY_SCOPE}/{prim_name}/{prim_name}")
             points, faces = _slab(body.corners, self._spacing) if len(body.faces) == 1 else (body.corners, body.faces)
             mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
             mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
@@ -352,7 +405,39 @@ class UsdCache:
             mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
             mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
             mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(body.color)])
+            self._bind(mesh.GetPrim(), f"{LOOK_SCOPE}/{prim_name}_body")
+        self._frame(stage, *walls.values())
         return stage
+
+    def _frame(self, stage: Usd.Stage, *walls: np.ndarray) -> None:
+        """A camera that has all of it in its picture, and lights: the sky and a sun."""
+        low, high = self._extent
+        for drawn in walls:
+            points = np.insert(drawn, 1, 0.0, axis=1) if drawn.ndim == 2 else drawn.reshape(-1, 3)
+            if len(points):
+                low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+        is_sheet = high[1] - low[1] < 2.0 * self._spacing
+        eye = Camera.of("front" if is_sheet else "perspective", low, high)
+        middle, reach = 0.5 * (low + high), 0.5 * (high - low)
+        away = np.cross(eye.up, eye.right)
+        wide, tall, deep = (float(np.abs(direction) @ reach) for direction in (eye.right, eye.up, away))
+        camera = UsdGeom.Camera.Define(stage, CAMERA)
+        aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetVerticalApertureAttr().Get()
+        focal = camera.GetFocalLengthAttr().Get()
+        # So far off that what is nearest still fits, with a tenth of air around it.
+        distance = deep + 1.1 * 2.0 * focal * max(wide / aperture[0], tall / aperture[1])
+        camera.CreateFocusDistanceAttr(distance)
+        camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
+        at = middle - distance * away
+        rows = [[*axis, 0.0] for axis in (eye.right, eye.up, -away)]
+        camera.AddTransformOp().Set(Gf.Matrix4d(*rows[0], *rows[1], *rows[2], *at, 1.0))
+        UsdGeom.Scope.Define(stage, LIGHT_SCOPE)
+        sky = UsdLux.DomeLight.Define(stage, f"{LIGHT_SCOPE}/sky")
+        sky.CreateIntensityAttr(0.6)
+        sun = UsdLux.DistantLight.Define(stage, f"{LIGHT_SCOPE}/sun")
+        sun.CreateIntensityAttr(3.0)
+        sun.CreateAngleAttr(1.0)
+        UsdGeom.Xformable(sun).AddRotateXYZOp().Set(Gf.Vec3f(40.0, -20.0, 0.0))
 
     def _make_frame_layer(self) -> Sdf.Layer:
         """What all frames have in common; off any stage, which would follow every change."""

@@ -10,9 +10,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdValidation
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
-from warpsph.output.usd import CLIP_SET, CLIPPED_ATTRIBUTES, CLIPPED_PRIMVARS, FLUID_SCOPE, RHEOLOGY_PRIMVARS
+from warpsph.output.usd import (
+    BODY_SCOPE,
+    CAMERA,
+    CLIP_SET,
+    CLIPPED_ATTRIBUTES,
+    CLIPPED_PRIMVARS,
+    FIELDS,
+    FLUID_SCOPE,
+    LIGHT_SCOPE,
+    RHEOLOGY_PRIMVARS,
+)
 
 Arrays = dict[str, np.ndarray]
 
@@ -39,6 +49,7 @@ def check_cache(folder: Path) -> list[str]:
         return [f"{root}: holds no fluid below {FLUID_SCOPE}"]
     for prim in fluids:
         problems += _fluid_problems(stage, prim)
+    problems += _look_problems(stage, fluids)
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     problems += [
         error.GetErrorAsString()
@@ -60,6 +71,25 @@ def _stage_problems(stage: Usd.Stage) -> Iterator[str]:
         yield "scene.usda: startTimeCode and endTimeCode do not span a range"
     if not stage.HasAuthoredMetadata("timeCodesPerSecond"):
         yield "scene.usda: timeCodesPerSecond is not set"
+
+
+def _look_problems(stage: Usd.Stage, fluids: list[Usd.Prim]) -> Iterator[str]:
+    """What an artist finds when it opens: a camera, a light, names of bodies, and a material on every surface."""
+    camera = stage.GetPrimAtPath(CAMERA)
+    if not camera or not camera.IsA(UsdGeom.Camera):
+        yield f"scene.usda: has no camera at {CAMERA}"
+    lights = [prim for prim in stage.Traverse() if prim.GetPath().HasPrefix(LIGHT_SCOPE)]
+    if not any(prim.HasAPI(UsdLux.LightAPI) for prim in lights):
+        yield f"scene.usda: has no light below {LIGHT_SCOPE}"
+    meshes = [
+        prim for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate) if prim.IsA(UsdGeom.Mesh)
+    ]
+    for prim in [*fluids, *meshes]:
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        if not material:
+            yield f"{prim.GetPath()}: has no material"
+        if prim.GetPath().HasPrefix(BODY_SCOPE) and prim.GetName() != prim.GetParent().GetName():
+            yield f"{prim.GetPath()}: is not named as its body"
 
 
 def _clip_problems(stage: Usd.Stage) -> Iterator[str]:
@@ -111,8 +141,13 @@ def _read_frame(prim: Usd.Prim, frame: int) -> tuple[Arrays, list[str]]:
     """The clipped arrays of one fluid by name, and what could not be read."""
     arrays: Arrays = {}
     problems: list[str] = []
-    of_rheology = [primvar for primvar in RHEOLOGY_PRIMVARS if prim.HasAttribute(f"primvars:{primvar}")]
-    for name in [*CLIPPED_ATTRIBUTES, *(f"primvars:{primvar}" for primvar in [*CLIPPED_PRIMVARS, *of_rheology])]:
+    may_be_left_out = [*FIELDS, *RHEOLOGY_PRIMVARS]
+    primvars = [
+        primvar
+        for primvar in CLIPPED_PRIMVARS | RHEOLOGY_PRIMVARS
+        if primvar not in may_be_left_out or prim.HasAttribute(f"primvars:{primvar}")
+    ]
+    for name in [*CLIPPED_ATTRIBUTES, *(f"primvars:{primvar}" for primvar in primvars)]:
         attribute = prim.GetAttribute(name)
         try:
             value = attribute.Get(frame) if attribute else None
@@ -164,8 +199,11 @@ def _motion_problems(before: Arrays, after: Arrays, dt: float, diameter: float, 
     particle in two hundred of the slide still goes farther in the frame of the impact: one in twenty may. A whole
     number of `periods` [m], shape [n, 3], counts as no way: what leaves through a periodic edge comes in at the other.
     """
+    stayed = np.isin(before["ids"], after["ids"])  # what has left the scene does not come back
+    if not stayed.all():
+        before = {name: values[stayed] for name, values in before.items() if len(values) == len(stayed)}
     if not np.array_equal(before["ids"], after["ids"]):
-        yield "ids differ from the frame before"
+        yield "ids are not those of the frame before"
         return
     moved = after["points"].astype(np.float64) - before["points"]
     velocity, next_velocity = (arrays["velocities"].astype(np.float64) for arrays in (before, after))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from concurrent.futures import ThreadPoolExecutor
-from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,16 +12,19 @@ import numpy as np
 import warp as wp
 
 import warpsph
+from warpsph.device.launch import Launcher
+from warpsph.output.colors import body_colors, fluid_colors
 from warpsph.placement.images import mirror_lines, periods
-from warpsph.placement.place import typical_speed
+from warpsph.placement.origin import localised
+from warpsph.placement.place import Start, typical_speed
 from warpsph.scene.scene import Scene
 from warpsph.shapes.surface import wall_surface
-from warpsph.simulation import Simulation
+from warpsph.simulation import Simulation, place_within
 from warpsph.state import Snapshot
 
 if TYPE_CHECKING:
     from warpsph.output.frames import FrameWriter
-    from warpsph.output.usd import Place, UsdCache
+    from warpsph.output.usd import DrawnBody, Place, UsdCache
 
 log = logging.getLogger("warpsph")
 
@@ -42,45 +44,24 @@ class Outputs:
 
     def _open(self) -> None:
         """Make what draws and caches, with the first frame: Matplotlib and USD are loaded while the steps go on."""
-        from pxr import Gf
-
-        from warpsph.output.frames import BODY_PALETTE, FrameWriter, fluid_colors, window_around
-        from warpsph.output.usd import DrawnBody, UsdCache
-
         self._is_open = True
         scene, simulation, folder = self._scene, self._simulation, self._folder
         start = simulation.start
-        colors = {name: material.color for name, material in scene.materials.items()}
-        fluids = fluid_colors({fluid.name: fluid.material for fluid in scene.fluids}, colors)
-        walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
-        bodies = {
-            body.name: DrawnBody(*solid.corners(), body.color or color)
-            for body, solid, color in zip(scene.bodies, start.solids, cycle(BODY_PALETTE), strict=False)
-        }
-        drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
-        mirrors = mirror_lines(scene, *start.box)
-        crossings = periods(scene)
         if scene.output.pictures:
-            view = scene.output.view
-            lines = [*(line for wall in walls.values() for line in wall.lines()), *mirrors.values()]
-            seen = [np.stack(start.fluid_box)[:, ::2], *lines, *(solid.samples[:, ::2] for solid in start.solids)]
-            self._pictures = FrameWriter(
-                folder / "preview",
-                title=scene.title,
-                fluids=fluids,
-                walls=lines,
-                bodies=list(bodies.values()),
-                spacing=scene.spacing,
-                origin=(scene.origin[0], scene.origin[2]),
-                window=(view.x, view.z) if view else window_around(np.concatenate(seen), scene.spacing),
-                speed_scale=scene.output.speed_scale or _round(typical_speed(scene, start)),
-            )
+            self._pictures = frame_writer(scene, start, folder / "preview")
         if scene.output.usd:
+            from pxr import Gf
+
+            from warpsph.output.usd import UsdCache
+
+            walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
+            drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
+            crossings = periods(scene)
             self._cache = UsdCache(
                 folder / "usd",
-                fluids=fluids,
-                walls=drawn | mirrors,
-                bodies=bodies,
+                fluids=fluid_colors(scene),
+                walls=drawn | mirror_lines(scene, *start.box),
+                bodies=drawn_bodies(scene, start),
                 spacing=scene.spacing,
                 origin=scene.origin,
                 frames_per_second=scene.output.frames_per_second,
@@ -91,6 +72,9 @@ class Outputs:
                 },
                 resume_at=self._resume_at,
                 rheology=bool(simulation.model.viscous and simulation.model.viscous.law),
+                extent=start.fluid_box,
+                fields=scene.output.usd_fields,
+                shows_walls=scene.output.usd_walls,
             )
 
     def write_frame(self) -> None:
@@ -121,9 +105,7 @@ class Outputs:
             self._cache.write(snapshot, places)
 
     def finish(self) -> None:
-        """Draw the gauge record, and begin the animation: it is made beside the report, `report` waits for it."""
-        from warpsph.output.frames import animate, gauge_picture
-
+        """Draw the gauge record, and begin the animation, which goes into the page that `report` writes."""
         self.wait()
         if not self._is_open:
             self._open()
@@ -133,9 +115,13 @@ class Outputs:
             require_frames(self._folder / "usd", self._cache.frame_count)
         preview, scene = self._folder / "preview", self._scene
         if self._pictures is not None and self._frame:
-            fps = scene.output.frames_per_second
+            from warpsph.output.animation import animate
+
+            fps = scene.output.shown_per_second
             self._writing = self._writer.submit(animate, preview, preview / "animation", fps)
         if scene.output.pictures and scene.gauges:
+            from warpsph.output.plots import gauge_picture
+
             gauge_picture(
                 [self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png"
             )
@@ -144,9 +130,89 @@ class Outputs:
         """Write the HTML page; needs run.json. Returns when all is on the disk."""
         from warpsph.output.report import write_report
 
-        write_report(self._folder)
         self.wait()
+        write_report(self._folder)
         self._writer.shutdown()
+
+
+def drawn_bodies(scene: Scene, start: Start) -> dict[str, DrawnBody]:
+    """What is drawn of each body."""
+    from warpsph.output.usd import DrawnBody
+
+    colors = body_colors(scene)
+    return {
+        body.name: DrawnBody(*solid.corners(), colors[body.name])
+        for body, solid in zip(scene.bodies, start.solids, strict=True)
+    }
+
+
+def frame_writer(scene: Scene, start: Start, folder: Path) -> FrameWriter:
+    """What draws the pictures of a scene that has been placed."""
+    from warpsph.output.camera import Camera
+    from warpsph.output.frames import FLAT, LIT, FrameWriter, Marks, window_around
+
+    view, in_space = scene.output.view, scene.dimensions == 3
+    projection = view.projection or ("perspective" if in_space else "front")
+    walls = [wall_surface(scene, i) for i in range(len(scene.walls))]
+    if in_space and projection != "front":
+        lines = [np.concatenate([face, face[:1]]) for wall in walls for face in wall.faces()]
+    else:
+        flat = [*(line for wall in walls for line in wall.lines()), *mirror_lines(scene, *start.box).values()]
+        lines = [np.insert(line, 1, 0.0, axis=1) for line in flat]
+    faces = [face for wall in walls for face in wall.faces()]
+    there = [*start.fluid_box, *(solid.samples for solid in start.solids), *lines, *faces]
+    points = np.concatenate([np.atleast_2d(some) for some in there])
+    low, high = points.min(axis=0), points.max(axis=0)
+    for axis, seen in enumerate((view.x, view.y, view.z)):
+        if seen:
+            low[axis], high[axis] = seen
+    camera = Camera.of(projection, low, high)
+    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+    window = list(window_around(camera.project(corners)[0], scene.spacing))
+    for side, axis in enumerate(camera.axes or ()):  # what the scene asks for is what is seen
+        window[side] = getattr(view, axis) or window[side]
+    return FrameWriter(
+        folder,
+        title=scene.title,
+        fluids=fluid_colors(scene),
+        walls=lines,
+        bodies=list(drawn_bodies(scene, start).values()) if scene.bodies else (),
+        spacing=scene.spacing,
+        origin=scene.origin,
+        camera=camera,
+        window=(window[0], window[1]),
+        speed_scale=scene.output.speed_scale or _round(typical_speed(scene, start)),
+        marks=Marks(
+            gauges={gauge.name: (gauge.x, gauge.y or 0.0) for gauge in scene.gauges},
+            levels=[fluid.fill.level for fluid in scene.fluids if fluid.fill],
+            height=(float(low[2]), float(high[2])),
+        ),
+        shading=LIT if in_space else FLAT,
+    )
+
+
+def picture_setup(scene: Scene, launcher: Launcher, path: Path) -> None:
+    """Draw a scene before anything has moved into the PNG `path`.
+
+    Raises:
+        SceneError: it cannot be set up.
+        NoRoomError: it does not fit into the memory.
+    """
+    scene = localised(scene)
+    placement = place_within(scene, launcher.device)
+    start, count = Start.of(placement), len(placement.position)
+    snapshot = Snapshot(
+        time=scene.start_time,
+        step=0,
+        position=placement.position,
+        velocity=placement.velocity.astype(np.float32),
+        density=np.zeros(count),
+        pressure=np.zeros(count, dtype=np.float32),
+        fluid=placement.fluid,
+        id=np.arange(count),
+    )
+    places = [(solid.body.mass.centre, np.array([0.0, 0.0, 0.0, 1.0])) for solid in start.solids]
+    path.write_bytes(frame_writer(scene, start, path.parent).draw(snapshot, places))
 
 
 def _round(value: float) -> float:

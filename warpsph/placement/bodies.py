@@ -161,6 +161,30 @@ def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet |
                 raise scene.error(f"bodies[{i}]", f"lies behind wall '{wall.name}'")
 
 
+def refuse_too_fast(scene: Scene, solids: Sequence[Solid]) -> None:
+    """Raises SceneError for a prescribed motion that is faster than sound in a fluid."""
+    speeds = {fluid.material: scene.materials[fluid.material].sound_speed for fluid in scene.fluids}
+    slowest = min(speeds, key=speeds.get)
+    for i, solid in enumerate(solids):
+        speed, row = top_speed(solid)
+        if speed >= speeds[slowest]:
+            motion = scene.bodies[i].motion
+            place, words = f"bodies[{i}].motion", "moves"
+            if motion.file:
+                place, words = f"{place}.file", f"{motion.file}:{solid.body.motion.table.line[row]}: gets to this row"
+            sound = f"sound in '{slowest}', {speeds[slowest]:g} m/s"
+            raise scene.error(place, f"{words} with {speed:.3g} m/s, faster than {sound}")
+
+
+def top_speed(solid: Solid) -> tuple[float, int]:
+    """The greatest speed at which a prescribed motion moves a body [m/s], or 0; and the row before which it has it."""
+    motion = solid.body.motion
+    if motion is None:
+        return 0.0, 0
+    pivot = solid.body.mass.centre if motion.pivot is None else np.asarray(motion.pivot, float)
+    return motion.top_speed(float(np.linalg.norm(solid.samples - pivot, axis=1).max()))
+
+
 def contact_of_walls(
     scene: Scene, walls: Sequence[Sheet | Crate], sides: Sequence[int]
 ) -> tuple[list[ContactLeg], ContactPoints]:

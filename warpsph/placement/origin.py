@@ -47,7 +47,7 @@ PLACES: Mapping[type[Part], Mapping[str, str]] = {
     Window: {"min": POINT, "max": POINT},
     Force: {"about": POINT},
     Overtopping: {"start": POINT, "end": POINT},
-    View: {"x": "x", "z": "z"},
+    View: {"x": "x", "y": "y", "z": "z"},
 }
 
 

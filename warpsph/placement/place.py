@@ -8,15 +8,16 @@ Points are [x, y, z], with y = 0 in a 2-D scene.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpsph.kernels.smoothing import SMOOTHING
-from warpsph.placement.bodies import Solid, place_bodies, refuse_behind
+from warpsph.placement.bodies import Solid, place_bodies, refuse_behind, refuse_too_fast
 from warpsph.placement.damping import refuse_long_zones
+from warpsph.placement.doubts import count_of, distance, doubts_of, slow_sound
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.images import Edge, find_edges, find_images
 from warpsph.placement.origin import localised
@@ -59,16 +60,6 @@ def _joined(parts: Sequence[Array], shape: tuple[int, ...] = (0, 3)) -> Array:
     return np.concatenate([np.empty(shape), *parts])
 
 
-def _count(points: Array, what: Callable[[Array], NDArray[np.bool_]]) -> tuple[int, int]:
-    """For how many of `points` [n, 3] something is so, and for which first, block by block; (0, -1) for none."""
-    total, first = 0, -1
-    for begin in range(0, len(points), BLOCK):
-        so = np.flatnonzero(what(points[begin : begin + BLOCK]))
-        if len(so):
-            total, first = total + len(so), first if total else begin + int(so[0])
-    return total, first
-
-
 def _refuse_too_many(scene: Scene, path: str, points: float) -> None:
     if points > MOST_POINTS:
         words = f"{scene.spacing:g} m is too fine: {path} would take {points:.2g} points, {MOST_POINTS:.0e} is the most"
@@ -92,15 +83,15 @@ def _shape_sites(
     sites = _joined([frame.points(cells[body.holds(cells + LATTICE_SLACK, frame)]) for cells in slabs])
 
     for wall, points in zip(scene.walls, drawn, strict=True):
-        within, first = _count(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
+        within, first = count_of(points, lambda some: body.depth(some) > CLEARANCE_SLACK * dx)
         if within:
             raise scene.error(path, f"wall '{wall.name}' runs through it, at {scene.spot(points[first])}")
-    touching, first = _count(sites, lambda some: _distance(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx)
+    touching, first = count_of(sites, lambda some: distance(walls, some) < (fluid.clearance - CLEARANCE_SLACK) * dx)
     if touching:
         words = f"{touching} of {len(sites)} particles lie closer than {fluid.clearance:g} dx to a wall"
         raise scene.error(path, f"{words}, the first at {scene.spot(sites[first])}")
     for one in solids:
-        touching, first = _count(
+        touching, first = count_of(
             sites, lambda some, one=one: one.contains(some) | (one.distance(some) < (0.5 - CLEARANCE_SLACK) * dx)
         )
         if touching:
@@ -162,11 +153,11 @@ def _fill_sites(
         sites = sites[bed.carries(sites, fill.level)]
         for one in [*dry, *solids]:  # bodies displace it
             sites = sites[~one.contains(sites)]
-        parts.append(sites[_distance([*walls, *solids], sites) > (fluid.clearance - CLEARANCE_SLACK) * dx])
+        parts.append(sites[distance([*walls, *solids], sites) > (fluid.clearance - CLEARANCE_SLACK) * dx])
     sites = _joined(parts)
 
     openings = bed.openings(fill.level, 0.5 * dx)
-    is_open = near(openings, sites, 1.5 * dx) & (_distance(walls, openings) > dx)
+    is_open = near(openings, sites, 1.5 * dx) & (distance(walls, openings) > dx)
     if is_open.any():
         words = f"it would leak at {scene.spot(openings[is_open][0])}"
         raise scene.error(
@@ -288,6 +279,7 @@ def place(scene: Scene) -> Placement:
     _refuse_too_many(scene, "walls", sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1))
     drawn = [one.sample(scene.wall_spacing)[0] for one in walls]
     solids = place_bodies(scene, drawn)
+    refuse_too_fast(scene, solids)
     edges, _ = find_edges(scene)
     warnings: list[str] = []
     placed: list[Array] = []
@@ -327,7 +319,7 @@ def place(scene: Scene) -> Placement:
         reach = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
         dummies = place_dummies(scene, walls, sides, position, reach)
     ground = min((float(points[:, 2].min()) for points in drawn), default=float(position[:, 2].min()))
-    warnings += _doubts(scene, position, counts, drawn, edges)
+    warnings += doubts_of(scene, position, counts, walls, drawn, solids, edges)
     del drawn
     samples = [one.set_back(set_back, side).sample(scene.wall_spacing) for one, side in zip(walls, sides, strict=True)]
     for (_, normals, _), side in zip(samples, sides, strict=True):
@@ -354,7 +346,7 @@ def place(scene: Scene) -> Placement:
     )
     if edges and walls:
         placement = _repeat_walls(scene, placement)
-    warnings += _slow_sound(scene, drop_height(placement))
+    warnings += slow_sound(scene, drop_height(placement), solids)
     return replace(placement, warnings=tuple(warnings))
 
 
@@ -449,109 +441,3 @@ def typical_speed(scene: Scene, start: Start) -> float:
     given = [start.top_speed]
     given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
     return 0.7 * math.sqrt(2.0 * scene.gravity * start.drop) or max(given)
-
-
-def _slow_sound(scene: Scene, drop: float) -> list[str]:
-    """Warnings about every material whose speed of sound is low for a fall through `drop` [m].
-
-    Density strays by about the square of the Mach number: 4 % at a fifth of the speed of sound, 1 % at a tenth.
-    Raises SceneError below five times that speed, unless the scene allows "low_sound_speed".
-    """
-    warnings = []
-    for name, material in scene.materials.items():
-        starts = [math.hypot(*fluid.velocity) for fluid in scene.fluids if fluid.material == name]
-        if not starts:
-            continue
-        starts += [math.hypot(*body.velocity) for body in scene.bodies if body.velocity]
-        speed = math.sqrt(2.0 * scene.gravity * drop + max(starts) ** 2)
-        if material.sound_speed >= 7.0 * speed:
-            continue
-        is_refused = material.sound_speed < 5.0 * speed
-        least = _round_up(5.0 * speed)
-        error = scene.error(
-            f"materials.{name}.sound_speed",
-            f"{material.sound_speed:g} m/s is {'too ' if is_refused else ''}low for a drop of {drop:.3g} m"
-            f"{f' begun at {max(starts):.3g} m/s' if max(starts) else ''}; "
-            f"at least {least:g} m/s is needed (and {2 * least:g} advised)",
-        )
-        if is_refused and "low_sound_speed" not in scene.allow:
-            raise error
-        warnings.append(str(error))
-    return warnings
-
-
-def _doubts(
-    scene: Scene, position: Array, counts: Sequence[int], drawn: Sequence[Array], edges: Sequence[Edge]
-) -> list[str]:
-    """Warnings about what can be run but was hardly meant; `drawn` are points on each wall [m], shape [n, 3]."""
-    doubts = []
-    if scene.warm_up is None:
-        for i, fluid in enumerate(scene.fluids):
-            if fluid.hold:
-                doubts.append(scene.error(f"fluids[{i}].hold", "there is no warm_up to hold it through"))
-    for i, gauge in enumerate(scene.gauges):
-        x, reach = np.array([gauge.x, gauge.y or 0.0, 0.0]), 2.0 * scene.smoothing_length
-        for edge in edges:
-            if abs(edge.normal[2]) < 1e-9 and x @ edge.normal - edge.offset < reach:
-                words = f"stands closer than 2 h = {reach:.3g} m to '{edge.name}', beyond which it sees no fluid"
-                doubts.append(scene.error(f"gauges[{i}]", words))
-    if scene.walls:
-        ground = _lowest_walls(drawn, scene.spacing)
-        ends = np.cumsum(counts).tolist()
-        for i, (count, end) in enumerate(zip(counts, ends, strict=True)):
-            sites = position[end - count : end]
-            lost, first = _count(sites, lambda some: _without_ground(some, *ground, scene.spacing))
-            if lost:
-                words = f"{lost} particles have no wall below them, the first at {scene.spot(sites[first])}"
-                doubts.append(scene.error(f"fluids[{i}]", words))
-        low, high = around(*drawn)
-        for i, gauge in enumerate(scene.gauges):
-            for axis, place in {0: gauge.x, 1: gauge.y or 0.0}.items():
-                if not low[axis] <= place <= high[axis]:
-                    first, last, here = (x + scene.origin[axis] for x in (low[axis], high[axis], place))
-                    reach = f"which reach from {first:.12g} to {last:.12g} m"
-                    words = f"{here:.12g} m lies beyond the walls, {reach}"
-                    doubts.append(scene.error(f"gauges[{i}].{'xy'[axis]}", words))
-    return [str(doubt) for doubt in doubts]
-
-
-def _lowest_walls(drawn: Sequence[Array], spacing: float) -> tuple[Array, Array]:
-    """A corner of a square lattice [m], shape [2], and the lowest wall in and around each column of it [m].
-
-    One column more stands on every side, so that all neighbours of every column exist.
-    """
-    corner = np.min([points[:, :2].min(axis=0) for points in drawn], axis=0)
-    farthest = np.max([points[:, :2].max(axis=0) for points in drawn], axis=0)
-    lowest = np.full(np.floor((farthest - corner) / spacing).astype(np.int64) + 3, np.inf)
-    for points in drawn:
-        for begin in range(0, len(points), BLOCK):
-            some = points[begin : begin + BLOCK]
-            column = np.floor((some[:, :2] - corner) / spacing).astype(np.int64)
-            np.minimum.at(lowest, tuple(column.T + 1), some[:, 2])
-    wide, deep = np.array(lowest.shape) - 2
-    return corner, np.min([lowest[i : i + wide, k : k + deep] for i in range(3) for k in range(3)], axis=0)
-
-
-def _without_ground(sites: Array, corner: Array, lowest: Array, spacing: float) -> NDArray[np.bool_]:
-    """Whether no wall lies straight below each of `sites` [n, 3], to within one spacing, shape [n].
-
-    `corner` and `lowest` are those of `_lowest_walls`.
-    """
-    place = np.floor((sites[:, :2] - corner) / spacing).astype(np.int64)
-    beyond = np.any((place < 0) | (place >= lowest.shape), axis=1)
-    i, k = np.clip(place, 0, np.array(lowest.shape) - 1).T
-    return beyond | (sites[:, 2] < lowest[i, k])
-
-
-def _round_up(value: float) -> float:
-    """The next number of three digits."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return math.ceil(value / unit - 1e-9) * unit
-
-
-def _distance(walls: Sequence[Wall | Solid], points: Array) -> Array:
-    """Distance from each of `points` [n, 3] to the nearest wall [m], shape [n]."""
-    least = np.full(len(points), np.inf)
-    for one in walls:
-        np.minimum(least, one.distance(points), out=least)
-    return least

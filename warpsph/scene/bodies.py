@@ -8,7 +8,12 @@ from pydantic import Field, model_validator
 
 from warpsph.scene.fields import (
     COLOR,
+    Angle,
+    Coordinate,
+    Density,
     Direction,
+    Duration,
+    Line,
     Moments,
     Name,
     NotNegative,
@@ -33,17 +38,17 @@ class BodyMotion(Part):
         None,
         description="Velocity of constant, and of ramp at last [m/s]; amplitude of sine [m]; none when absent.",
     )
-    turn: Real = Field(
+    turn: Angle = Field(
         0.0, description="Rate of constant and ramp [degrees/s], amplitude of sine [degrees], counter-clockwise."
     )
     pivot: Point | None = Field(None, description="What it turns about at the start [m]; the centre when absent.")
     axis: Direction | None = Field(
         None, description="In 3-D, along what it turns, right-handed [-]; [0, -1, 0] when absent."
     )
-    begin: Real = Field(0.0, description="When it begins [s].")
-    period: Positive | None = Field(None, description="Period of sine, and how long ramp takes [s].")
-    phase: Real = Field(0.0, description="Phase of sine at its beginning [degrees].")
-    file: str | None = Field(
+    begin: Coordinate = Field(0.0, description="When it begins [s].")
+    period: Duration | None = Field(None, description="Period of sine, and how long ramp takes [s].")
+    phase: Angle = Field(0.0, description="Phase of sine at its beginning [degrees].")
+    file: Line | None = Field(
         None,
         description="CSV file of table, from the scene's folder [-]: time [s] and any of x, y, z [m], angle [deg].",
     )
@@ -83,11 +88,11 @@ class Body(Part):
     name: Name = Field(description="Name of the body [-]; its record is bodies/NAME.csv.")
     shape: Solid = Field(description="Its shape, as drawn [m].")
     at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
-    angle: Real = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
+    angle: Angle = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
     axis: Direction | None = Field(
         None, description="In 3-D, along what the drawing is turned, right-handed [-]; [0, -1, 0] when absent."
     )
-    density: Positive | None = Field(None, description="Density [kg/m3].")
+    density: Density | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
     centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
     inertia: Moments | None = Field(
@@ -96,7 +101,7 @@ class Body(Part):
         "drawing [kg m2]; that of the shape when absent.",
     )
     velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
-    spin: Real | Triple | None = Field(
+    spin: Angle | Triple | None = Field(
         None,
         description="Spin at the start or the release, counter-clockwise; in 3-D [wx, wy, wz] [rad/s]; none if absent.",
     )

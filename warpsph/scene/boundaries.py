@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import Name, NotNegative, Part, Point, Positive, Range, Real, Switch, fault
-from warpsph.scene.shapes import Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
+from warpsph.scene.fields import Coefficient, Name, Part, Point, Range, Real, Switch, fault
+from warpsph.scene.shapes import MOST_CORNERS, Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
 
 Face = Literal["left", "right", "front", "back", "bottom", "top"]
 
@@ -30,7 +30,7 @@ class Wall(Part):
     """A solid line, in 3-D a surface, that repels fluid on both of its sides."""
 
     name: Name = Field(description="Name of the wall [-].")
-    path: Annotated[tuple[PathPoint, ...], Field(min_length=2)] | None = Field(
+    path: Annotated[tuple[PathPoint, ...], Field(min_length=2, max_length=MOST_CORNERS)] | None = Field(
         None, description="Polyline through points [x, z] [m] or rounded corners {at, radius}."
     )
     closed: Switch = Field(False, description="Whether the path returns to its first point [-].")
@@ -76,13 +76,13 @@ class WallModel(Part):
     refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
         3.0, description="Particle spacing over the spacing of wall points, beta [-]."
     )
-    strength: Positive = Field(
+    strength: Coefficient = Field(
         0.01, description="Strength of the wall force, K / c0^2 [-]; 0.02 for monaghan_kos_issa when absent."
     )
-    approach: NotNegative = Field(
+    approach: Coefficient = Field(
         0.0, description="Part of the speed of approach in the force of monaghan_kos, beta [-]; more than 0 damps."
     )
-    set_back: NotNegative = Field(
+    set_back: Annotated[Real, Field(ge=0, le=10)] = Field(
         0.95,
         description="How far behind the wall line its points stand, in spacings [-]: still water then rests with its "
         "first row half a spacing off the line, and the volume between the walls is the volume of the fluid. When "

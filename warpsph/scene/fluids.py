@@ -7,7 +7,24 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import COLOR, Name, NotNegative, Part, Point, Positive, Range, Real, Switch, fault
+from warpsph.scene.fields import (
+    COLOR,
+    Angle,
+    Coefficient,
+    Coordinate,
+    Density,
+    Name,
+    NotNegative,
+    Part,
+    Point,
+    Positive,
+    Range,
+    Real,
+    Reference,
+    Size,
+    Switch,
+    fault,
+)
 from warpsph.scene.shapes import Shape
 
 # More stages are not tried: rounding grows with their square.
@@ -43,7 +60,7 @@ class Rheology(Part):
     consistency: Positive = Field(
         description="Consistency K [Pa s^exponent]; of newtonian and bingham, a viscosity [Pa s]."
     )
-    exponent: Positive | None = Field(
+    exponent: Annotated[Real, Field(ge=0.01, le=100)] | None = Field(
         None, description="Exponent N of power_law and herschel_bulkley [-]: less than 1 thins, more than 1 thickens."
     )
     yield_stress: NotNegative | None = Field(
@@ -84,13 +101,15 @@ class Rheology(Part):
 class Material(Part):
     """What a fluid is made of."""
 
-    density: Positive = Field(description="Reference density [kg/m3].")
-    sound_speed: Positive = Field(description="Speed of sound c0 of the state equation [m/s].")
+    density: Density = Field(description="Reference density [kg/m3].")
+    sound_speed: Annotated[Real, Field(ge=1e-3, le=1e5)] = Field(
+        description="Speed of sound c0 of the state equation [m/s]."
+    )
     state_equation: Literal["tait", "linear"] = Field(
         "tait", description="Pressure from density [-]: tait (exponent 7) or linear."
     )
-    alpha: NotNegative = Field(0.025, description="Coefficient of the artificial viscosity [-].")
-    wall_alpha: NotNegative = Field(
+    alpha: Coefficient = Field(0.025, description="Coefficient of the artificial viscosity [-].")
+    wall_alpha: Coefficient = Field(
         0.0, description="Coefficient of the artificial viscosity against walls [-]; 0 lets the fluid slip freely."
     )
     dynamic_viscosity: NotNegative | None = Field(
@@ -156,7 +175,7 @@ class DensityDiffusion(Part):
         description="What is diffused [-]; fourtakas leaves fluid at rest alone, antuono (delta-SPH) any linear "
         "pressure, for a sweep more.",
     )
-    delta: NotNegative = Field(0.1, description="Coefficient of the diffusion [-].")
+    delta: Coefficient = Field(0.1, description="Coefficient of the diffusion [-].")
 
 
 class DensityFilter(Part):
@@ -167,7 +186,9 @@ class DensityFilter(Part):
         description="How it is interpolated [-]: none leaves it, shepard is exact for constants, mls (moving least "
         "squares) for linear fields.",
     )
-    every: Annotated[int, Field(strict=True, gt=0)] = Field(20, description="Steps from one time to the next [-].")
+    every: Annotated[int, Field(strict=True, gt=0, le=1_000_000_000)] = Field(
+        20, description="Steps from one time to the next [-]."
+    )
 
 
 class Shifting(Part):
@@ -178,7 +199,7 @@ class Shifting(Part):
         description="How particles drift beside their velocity [-]: none, or fickian, against the gradient of their "
         "concentration at the pace of the shear rate, and along a free surface only.",
     )
-    strength: Positive = Field(6.0, description="Coefficient of the drift, A [-].")
+    strength: Coefficient = Field(6.0, description="Coefficient of the drift, A [-].")
     velocity: Literal["own", "local"] = Field(
         "own",
         description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or that of the "
@@ -189,8 +210,8 @@ class Shifting(Part):
 class Fill(Part):
     """Fluid at rest below a level and above a wall."""
 
-    level: Real = Field(description="Height of the free surface, z [m].")
-    above: str = Field(description="Name of the wall that carries the fluid [-].")
+    level: Coordinate = Field(description="Height of the free surface, z [m].")
+    above: Reference = Field(description="Name of the wall that carries the fluid [-].")
     between: Range | None = Field(
         None, description="Least and largest x of the fill [m]; the extent of the wall when absent."
     )
@@ -199,7 +220,7 @@ class Fill(Part):
 class Lattice(Part):
     """The square (in 3-D cubic) lattice that a shape is cut from: particles stand at the centres of its cells."""
 
-    angle: Real = Field(0.0, description="Turn of the lattice in the x-z plane, counter-clockwise [degrees].")
+    angle: Angle = Field(0.0, description="Turn of the lattice in the x-z plane, counter-clockwise [degrees].")
     origin: Point | None = Field(
         None,
         description="A corner of a cell [x, z], in 3-D [x, y, z] [m]; the first corner of the shape when absent.",
@@ -209,15 +230,15 @@ class Lattice(Part):
 class ShearWave(Part):
     """A start at which layers slide along x past each other: u = speed sin(2 pi z / wavelength)."""
 
-    speed: Real = Field(description="Greatest speed, along x [m/s].")
-    wavelength: Positive = Field(description="Length of the wave, along z [m].")
+    speed: Coordinate = Field(description="Greatest speed, along x [m/s].")
+    wavelength: Size = Field(description="Length of the wave, along z [m].")
 
 
 class Fluid(Part):
     """A body of fluid, from a shape or from a fill."""
 
     name: Name = Field(description="Name of the fluid [-]; its records are fluids/NAME.csv.")
-    material: str = Field(description="Name of its material [-].")
+    material: Reference = Field(description="Name of its material [-].")
     shape: Shape | None = Field(None, description="Outline of the body [m].")
     fill: Fill | None = Field(None, description="A fill instead of a shape [m].")
     lattice: Lattice | None = Field(None, description="Lattice that a shape is cut from [m, degrees].")
@@ -232,7 +253,9 @@ class Fluid(Part):
     hydrostatic: Switch = Field(
         True, description="Whether it starts with the density that hydrostatic pressure below its own top gives [-]."
     )
-    clearance: NotNegative = Field(0.5, description="Least distance from a particle to any wall, in spacings [-].")
+    clearance: Annotated[Real, Field(ge=0, le=1000)] = Field(
+        0.5, description="Least distance from a particle to any wall, in spacings [-]."
+    )
 
     @model_validator(mode="after")
     def _is_one_body(self) -> Fluid:

@@ -14,7 +14,8 @@ class Observed(Part):
 
     file: str = Field(description="CSV file, from the scene's folder [-].")
     columns: Annotated[tuple[str, ...], Field(min_length=2, max_length=2)] = Field(
-        description="Names of its columns of time and of the quantity, with or without their units [-]."
+        description="Names of its columns of time and of the quantity, with or without their units [-]; a level is "
+        "that above the level at rest."
     )
     quantity: str | None = Field(
         None, description="Column of the record that it is held against [-]; level or pressure when absent."

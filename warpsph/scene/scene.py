@@ -2,7 +2,7 @@
 
 A scene is one YAML file. `load_scene` reads it into frozen models, which are also the JSON Schema that an editor
 completes from: the whole below, its parts in `fluids`, `boundaries`, `bodies` and `shapes`. Every mistake
-ends as a `SceneError` whose text is the finished line for the user:
+ends as a `SceneError` whose text is the finished line for the user, all that are found at once a line each:
 
     landslide.yaml:31: fluids[1].material: no material named 'watr'; did you mean 'water'?
 
@@ -11,6 +11,8 @@ SI units throughout, z up, angles in degrees. A point is [x, z], in a 3-D scene 
 
 from __future__ import annotations
 
+import math
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,16 +26,23 @@ from warpsph.scene.boundaries import Image, Wall, WallModel
 from warpsph.scene.fields import (
     COLOR,
     NAME,
+    Coefficient,
+    Duration,
+    Line,
     Name,
     NotNegative,
     Part,
     Point,
-    Positive,
     Range,
+    Rate,
     Real,
+    Size,
     Switch,
     SwitchOrBounded,
+    Text,
     fault,
+    faults,
+    part_types,
 )
 from warpsph.scene.fluids import (
     DensityDiffusion,
@@ -47,8 +56,14 @@ from warpsph.scene.fluids import (
 )
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
 from warpsph.scene.shapes import Shape
-from warpsph.scene.source import SceneError, SourceMap, apply_override, nearest, read_text, read_yaml, show
+from warpsph.scene.source import SceneError, SourceMap, apply_override, closest, nearest, read_text, read_yaml, show
 from warpsph.scene.waves import PADDLE, DampingZone, WaveMaker
+
+# More than these are a slip, not a scene: each is tested against all others.
+MOST_WALLS, MOST_FLUIDS, MOST_BODIES, MOST_GAUGES = 200, 50, 100, 500
+MOST_FRAMES, MOST_SAMPLES = 1_000_000, 5_000_000
+# More mistakes than this are not read to their end.
+MOST_MISTAKES = 12
 
 INSTRUMENTS = ("gauges", "probes", "forces", "run_up", "overtopping")
 
@@ -56,7 +71,7 @@ INSTRUMENTS = ("gauges", "probes", "forces", "run_up", "overtopping")
 class WarmUp(Part):
     """Settling before the release, from t = -duration to t = 0."""
 
-    duration: Positive = Field(description="How long the settling lasts [s].")
+    duration: Duration = Field(description="How long the settling lasts [s].")
     damping: NotNegative = Field(description="Rate at which velocity is damped meanwhile [1/s].")
     settling: NotNegative | None = Field(
         None,
@@ -73,8 +88,8 @@ class WarmUp(Part):
 class Run(Part):
     """When to stop, and how far a step reaches."""
 
-    end_time: Positive = Field(description="End of the run [s]; t = 0 is the release.")
-    courant: Annotated[Real, Field(gt=0, le=1)] = Field(
+    end_time: Duration = Field(description="End of the run [s]; t = 0 is the release.")
+    courant: Annotated[Real, Field(ge=0.001, le=1)] = Field(
         0.5, description="Courant number: dt = courant h / (c + u) [-]."
     )
     integrator: Literal["verlet", "predictor_corrector", "runge_kutta"] = Field(
@@ -82,51 +97,81 @@ class Run(Part):
         description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
         "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
     )
-    max_steps: Annotated[int, Field(strict=True, gt=0)] | None = Field(
+    max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(
         None, description="Greatest number of steps [-]; no limit when absent."
+    )
+    absurd: Literal["stop", "drop"] = Field(
+        "stop",
+        description="What an absurd particle does, one faster than sound, say [-]: stop ends the run; drop takes it "
+        "out and counts it, up to one in a thousand.",
     )
 
 
-class View(Part):
-    """The window of a picture."""
+# Fewer pictures than this of an animation look like slides [1/s].
+SMOOTH = 15.0
 
-    x: Range = Field(description="From x to x [m].")
-    z: Range = Field(description="From z to z [m].")
+Projection = Literal["front", "above", "perspective"]
+
+
+class View(Part):
+    """From where pictures are seen, and how much of the scene."""
+
+    projection: Projection | None = Field(
+        None,
+        description="From where a 3-D scene is seen [-]: front (where y is least), above, or in perspective; the last "
+        "when absent. A 2-D scene is seen from its front.",
+    )
+    x: Range | None = Field(None, description="From x to x [m]; all of it when absent.")
+    y: Range | None = Field(None, description="From y to y, in 3-D [m]; all of it when absent.")
+    z: Range | None = Field(None, description="From z to z [m]; all of it when absent.")
 
 
 class Output(Part):
     """What is written while the scene runs."""
 
-    frames_per_second: Positive = Field(30.0, description="Pictures and USD frames [1/s].")
-    samples_per_second: Positive = Field(200.0, description="Lines of the records of gauges, energy and fluids [1/s].")
+    frames_per_second: Rate = Field(30.0, description="Pictures and USD frames [1/s].")
+    samples_per_second: Rate = Field(200.0, description="Lines of the records of gauges, energy and fluids [1/s].")
     pictures: Switch = Field(True, description="Whether to draw PNG frames and an animation [-].")
     usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
-    checkpoint_every: Positive = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
-    view: View | None = Field(None, description="Window of the pictures [m]; around everything when absent.")
-    speed_scale: Positive | None = Field(
+    checkpoint_every: Duration = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
+    usd_fields: Switch = Field(True, description="Whether the USD cache holds density and pressure [-].")
+    usd_walls: Switch = Field(True, description="Whether a renderer sees the walls of the USD cache [-].")
+    animation_rate: Rate | None = Field(
+        None,
+        description="Pictures of the animation [1/s]; when absent frames_per_second, as it happens, but 15 at least.",
+    )
+    view: View = Field(View(), description="From where pictures are seen, and how much of the scene.")
+    speed_scale: Size | None = Field(
         None, description="Speed at which the colours of the pictures end [m/s]; a guess from gravity when absent."
     )
+
+    @property
+    def shown_per_second(self) -> float:
+        """Pictures of the animation [1/s]."""
+        return self.animation_rate or max(self.frames_per_second, SMOOTH)
 
 
 class Scene(Part):
     """A whole scene file."""
 
-    title: str = Field(description="One line for reports [-].")
-    source: str = Field("", description="Where the case comes from [-].")
+    title: Line = Field(description="One line for reports [-].")
+    source: Text = Field("", description="Where the case comes from [-].")
     dimensions: Literal[2, 3] = Field(
         2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane, points of a 3-D one are [x, y, z]."
     )
-    spacing: Positive = Field(description="Particle spacing dx [m].")
-    gravity: NotNegative = Field(9.81, description="Gravity along -z [m/s2].")
+    spacing: Annotated[Real, Field(ge=1e-6, le=1e4)] = Field(description="Particle spacing dx [m].")
+    gravity: Annotated[NotNegative, Field(le=1e4)] = Field(9.81, description="Gravity along -z [m/s2].")
     body_force: Point | None = Field(
         None, description="Acceleration of all fluid besides gravity [u, w], in 3-D [u, v, w] [m/s2]; none when absent."
     )
     smoothing: Smoothing = Field(Smoothing(), description="The smoothing kernel.")
-    materials: Annotated[dict[Name, Material], Field(min_length=1)] = Field(description="Materials by name.")
+    materials: Annotated[dict[Name, Material], Field(min_length=1, max_length=MOST_FLUIDS)] = Field(
+        description="Materials by name."
+    )
     artificial_viscosity: Literal["signal", "monaghan"] = Field(
         "signal", description="Artificial viscosity [-]: signal (all pairs) or monaghan (approaching pairs only)."
     )
-    artificial_viscosity_beta: NotNegative = Field(
+    artificial_viscosity_beta: Coefficient = Field(
         0.0, description="Quadratic coefficient beta of the monaghan artificial viscosity [-]."
     )
     viscosity: Viscosity = Field(Viscosity(), description="How forces come of the materials' own viscosities.")
@@ -149,20 +194,28 @@ class Scene(Part):
         description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory); auto: "
         "lists, but cells where only these fit into the memory that is free.",
     )
-    walls: tuple[Wall, ...] = Field((), description="Walls.")
+    walls: Annotated[tuple[Wall, ...], Field(max_length=MOST_WALLS)] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
-    images: tuple[Image, ...] = Field((), description="Mirrors and periodic edges.")
-    fluids: Annotated[tuple[Fluid, ...], Field(min_length=1)] = Field(
+    images: Annotated[tuple[Image, ...], Field(max_length=6)] = Field((), description="Mirrors and periodic edges.")
+    fluids: Annotated[tuple[Fluid, ...], Field(min_length=1, max_length=MOST_FLUIDS)] = Field(
         description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
     )
-    bodies: tuple[Body, ...] = Field((), description="Rigid bodies.")
+    bodies: Annotated[tuple[Body, ...], Field(max_length=MOST_BODIES)] = Field((), description="Rigid bodies.")
     wave_maker: WaveMaker | None = Field(None, description="A paddle that makes waves; it is the last of the bodies.")
-    damping_zones: tuple[DampingZone, ...] = Field((), description="Zones in which waves are damped.")
-    gauges: tuple[Gauge, ...] = Field((), description="Wave gauges.")
-    probes: tuple[Probe, ...] = Field((), description="Probes of pressure and velocity.")
-    forces: tuple[Force, ...] = Field((), description="Forces on walls.")
-    run_up: tuple[RunUp, ...] = Field((), description="Highest wet points along walls.")
-    overtopping: tuple[Overtopping, ...] = Field((), description="What passes lines, in 3-D rectangles.")
+    damping_zones: Annotated[tuple[DampingZone, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="Zones in which waves are damped."
+    )
+    gauges: Annotated[tuple[Gauge, ...], Field(max_length=MOST_GAUGES)] = Field((), description="Wave gauges.")
+    probes: Annotated[tuple[Probe, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="Probes of pressure and velocity."
+    )
+    forces: Annotated[tuple[Force, ...], Field(max_length=MOST_GAUGES)] = Field((), description="Forces on walls.")
+    run_up: Annotated[tuple[RunUp, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="Highest wet points along walls."
+    )
+    overtopping: Annotated[tuple[Overtopping, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="What passes lines, in 3-D rectangles."
+    )
     warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
     run: Run = Field(description="When to stop, and how far a step reaches.")
     output: Output = Field(Output(), description="What is written while the scene runs.")
@@ -246,8 +299,8 @@ class Scene(Part):
     def _holds_together(self) -> Scene:
         if self.wave_maker:
             self.__dict__["bodies"] = (*self.bodies, self._paddle(self.wave_maker))
-        for path, message in _contradictions(self):
-            raise fault(message, path)
+        if found := list(_contradictions(self)):
+            raise faults(found)
         return self
 
     @model_validator(mode="before")
@@ -289,6 +342,7 @@ def wants_lists(scene: Scene) -> list[str]:
 
 def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
+    yield from _too_often(scene)
     if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
         law = scene.wall_model.force
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
@@ -331,6 +385,19 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
         yield from ((f"bodies[{i}].{path}", message) for path, message in _impossible_start(scene, body))
     if scene.bodies and scene.run.integrator == "predictor_corrector":
         yield "run.integrator", "predictor_corrector does not move bodies; take verlet or runge_kutta"
+
+
+def _too_often(scene: Scene) -> Iterator[tuple[str, str]]:
+    """(path, message) for whatever would be written more often than anyone reads."""
+    end, output = scene.run.end_time, scene.output
+    wanted = {
+        "frames_per_second": (output.frames_per_second * end, MOST_FRAMES, "frames"),
+        "samples_per_second": (output.samples_per_second * (end - scene.start_time), MOST_SAMPLES, "lines of records"),
+        "checkpoint_every": ((end - scene.start_time) / output.checkpoint_every, MOST_FRAMES, "checkpoints"),
+    }
+    for name, (count, most, words) in wanted.items():
+        if count > most:
+            yield f"output.{name}", f"makes {count:.1e} {words} until {end:g} s; {most:,} is the most"
 
 
 def _strange_to_dummies(scene: Scene) -> Iterator[tuple[str, str]]:
@@ -386,7 +453,9 @@ def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
     shifts = dict(zip("xz" if scene.dimensions == 2 else "xyz", body.velocity or (), strict=False))
     turns = {"angle": body.spin or 0.0}
     if scene.dimensions == 3:
-        turns = dict(zip(("turn_x", "turn_y", "turn_z"), body.spin or (), strict=False))
+        turns = dict(
+            zip(("turn_x", "turn_y", "turn_z"), body.spin if isinstance(body.spin, tuple) else (), strict=False)
+        )
     for name, starts in {"velocity": shifts, "spin": turns}.items():
         for way, value in starts.items():
             if value and way in body.locked:
@@ -448,6 +517,8 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
     if scene.wave_maker:
         needed["wave_maker.width"] = scene.wave_maker.width
     needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
+    view = scene.output.view
+    spatial |= {"output.view.y": view.y, "output.view.projection": view.projection}
 
     numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
     for path, point in points.items():
@@ -478,7 +549,8 @@ def json_schema() -> dict[str, Any]:
 def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
     """Read the scene file at `path`, with `overrides` such as `materials.water.alpha=0.03` on top.
 
-    Raises SceneError for a file that cannot be read, is not YAML, or is not a scene: for its first mistake.
+    Raises SceneError for a file that cannot be read, is not YAML, or is not a scene: for all its mistakes, a line each,
+    in the order of the file.
     """
     data, source = read_yaml(read_text(path), str(path))
     if data is None:
@@ -491,11 +563,11 @@ def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        # A list counts as too short when its entries are wrong: the entries are what to name.
-        found = [mistake for mistake in found if mistake["type"] != "too_short"] or found
-        mistakes = [_explain(mistake) for mistake in found]
-        raise source.error(*min(mistakes, key=lambda mistake: source.place(mistake[0])[0])) from None
+        found = sorted(_mistakes(error), key=lambda mistake: source.place(mistake[0])[0])
+        lines = [str(source.error(*mistake)) for mistake in found[:MOST_MISTAKES]]
+        if len(found) > MOST_MISTAKES:
+            lines.append(f"and {len(found) - MOST_MISTAKES} mistakes more")
+        raise SceneError("\n".join(lines)) from None
     scene._source = source
     return scene
 
@@ -518,15 +590,17 @@ def _find_files(data: dict[str, Any], folder: Path) -> None:
             isinstance(body, dict) and body.get("motion"),
         ):
             if isinstance(part, dict) and isinstance(part.get("file"), str):
-                part["file"] = str((folder / part["file"]).resolve())
+                part["file"] = os.path.abspath(folder / part["file"])
 
 
 _NEEDS = {
     "float_type": "a number",
     "int_type": "a whole number",
     "int_from_float": "a whole number",
+    "int_parsing_size": "a whole number",
     "bool_type": "true or false",
     "string_type": "text",
+    "string_unicode": "text without half letters",
     "tuple_type": "a list",
     "dict_type": "a mapping",
     "model_type": "a mapping of fields",
@@ -539,6 +613,42 @@ _BOUNDS = {
     "less_than_equal": ("le", "at most"),
 }
 _PATTERNS = {NAME: "a name made of letters, digits and _ is needed", COLOR: 'a colour such as "#8a6a4a" is needed'}
+# Below a bound as small as this a number is as good as none.
+_NEXT_TO_NOTHING = 1e-3
+
+
+def _mistakes(error: ValidationError) -> Iterator[tuple[str, str]]:
+    """(path, message) of all mistakes that pydantic found, in our words."""
+    found = error.errors(include_url=False)
+    # A list counts as too short when its entries are wrong: the entries are what to name.
+    found = [mistake for mistake in found if mistake["type"] != "too_short"] or found
+    unknown = {(*mistake["loc"][:-1], _meant(mistake["loc"])) for mistake in found if _is_unknown(mistake)}
+    for mistake in found:
+        # A key that is misspelt is named, rather than the field that it leaves missing.
+        if mistake["type"] == "missing" and tuple(mistake["loc"]) in unknown:
+            continue
+        if mistake["type"] == "faults":
+            yield from mistake["ctx"]["found"]
+        else:
+            yield _explain(mistake)
+
+
+def _is_unknown(mistake: Mapping[str, Any]) -> bool:
+    return mistake["type"] == "extra_forbidden"
+
+
+def _meant(loc: Sequence[Any]) -> str:
+    """The field that an unknown key is close to; nothing where it is close to none."""
+    return closest(loc[-1], _fields_at(loc))
+
+
+def _fields_at(loc: Sequence[Any]) -> list[str]:
+    """The fields that the part has in which the last key of `loc` stands."""
+    part = Scene
+    for key in loc[:-1]:
+        if isinstance(key, str) and key in part.model_fields:
+            part = next(part_types(part.model_fields[key].annotation), part)
+    return list(part.model_fields)
 
 
 def _explain(mistake: Mapping[str, Any]) -> tuple[str, str]:
@@ -547,24 +657,33 @@ def _explain(mistake: Mapping[str, Any]) -> tuple[str, str]:
     for key in mistake["loc"]:
         if isinstance(key, int):
             path += f"[{key}]"
-        elif not key.startswith(("<", "[")):  # pydantic's marks for "which of a union" and "the key itself"
-            path += f".{key}" if path else key
+        elif not key.startswith(("<", "[key]")):  # pydantic's marks for "which of a union" and "the key itself"
+            path += f".{key}" if path and key else key
     kind, value, context = mistake["type"], mistake["input"], mistake.get("ctx", {})
     if kind == "fault":
         inner = context["path"]
         return (f"{path}.{inner}" if path and inner else path + inner), context["message"]
+    if _is_unknown(mistake):
+        return path, f"no such field{nearest(mistake['loc'][-1], _fields_at(mistake['loc']), most=math.inf)}"
     if kind == "missing":
         return path, "this field is missing"
     if kind in _NEEDS:
         return path, f"{_NEEDS[kind]} is needed, not {show(value)}"
     if kind in _BOUNDS:
         bound, words = _BOUNDS[kind]
-        return path, f"must be {words} {context[bound]:g}, not {show(value)}"
+        limit = context[bound]
+        if bound == "ge" and 0 < limit <= _NEXT_TO_NOTHING and value <= 0:
+            words, limit = "more than", 0
+        return path, f"must be {words} {limit:g}, not {show(value)}"
     if kind == "literal_error":
         names = re.findall(r"[\w.]+", context["expected"].replace(" or ", " "))
         return path, f"{show(value)} is not known here{nearest(value, names)}"
     if kind == "string_pattern_mismatch":
         return path, f"{_PATTERNS[context['pattern']]}, not {show(value)}"
+    if kind == "string_too_long":
+        return path, f"is longer than {context['max_length']} letters"
     if kind == "too_short":
         return path, f"needs {context['min_length']} or more entries, not {context['actual_length']}"
-    return path, mistake["msg"]
+    if kind == "too_long":
+        return path, f"has more than {context['max_length']} entries, which is the most"
+    return path, f"{show(value)} is not what is needed here"

@@ -6,7 +6,10 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from warpsph.scene.fields import NotNegative, Pair, Part, Point, Positive, Range, Real, Triple, fault
+from warpsph.scene.fields import Angle, Coordinate, Line, Pair, Part, Point, Range, Real, Size, Triple, fault
+
+# An outline of more is read slowly, and its particles are placed more slowly still.
+MOST_CORNERS = 2000
 
 
 class Box(Part):
@@ -27,23 +30,23 @@ class Disc(Part):
     """A circle, or what lies inside it."""
 
     center: Pair = Field(description="Centre [x, z] [m].")
-    radius: Positive = Field(description="Radius [m].")
+    radius: Size = Field(description="Radius [m].")
 
 
 class Ball(Part):
     """What lies inside a sphere."""
 
     center: Triple = Field(description="Centre [x, y, z] [m].")
-    radius: Positive = Field(description="Radius [m].")
+    radius: Size = Field(description="Radius [m].")
 
 
 class Arc(Part):
     """A part of a circle, run counter-clockwise."""
 
     center: Pair = Field(description="Centre [x, z] [m].")
-    radius: Positive = Field(description="Radius [m].")
-    start: Real = Field(description="Angle of the first end, counter-clockwise from the x axis [degrees].")
-    end: Real = Field(description="Angle of the last end, more than start and less than a turn beyond it [degrees].")
+    radius: Size = Field(description="Radius [m].")
+    start: Angle = Field(description="Angle of the first end, counter-clockwise from the x axis [degrees].")
+    end: Angle = Field(description="Angle of the last end, more than start and less than a turn beyond it [degrees].")
 
     @model_validator(mode="after")
     def _turns_once(self) -> Arc:
@@ -56,7 +59,7 @@ class Corner(Part):
     """A point of a path at which an arc, tangent to both legs, rounds the corner."""
 
     at: Pair = Field(description="Where the two legs would meet [x, z] [m].")
-    radius: NotNegative = Field(description="Radius of the arc [m].")
+    radius: Annotated[Coordinate, Field(ge=0)] = Field(description="Radius of the arc [m].")
 
 
 def _kind_of_path_point(value: Any) -> str:
@@ -78,7 +81,7 @@ class Shape(Part):
     """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
     box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] | None = Field(
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
         None, description="Corners [x, z] of a polygon [m], either way round."
     )
     disc: Disc | None = Field(None, description="Circle [m].")
@@ -97,19 +100,19 @@ class Shape(Part):
 class MeshFile(Part):
     """A closed surface from a file."""
 
-    file: str = Field(description="Path of the file, from the scene file's folder [-]; whatever meshio reads.")
-    scale: Positive = Field(1.0, description="Metres to a unit of the file [-].")
+    file: Line = Field(description="Path of the file, from the scene file's folder [-]; whatever meshio reads.")
+    scale: Annotated[Real, Field(ge=1e-9, le=1e9)] = Field(1.0, description="Metres to a unit of the file [-].")
 
 
 class Solid(Part):
     """The shape of a rigid body: exactly one of box, polygon, disc, path, sphere and mesh."""
 
     box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3)] | None = Field(
+    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
         None, description="Corners [x, z] of a polygon, either way round, in 2-D [m]."
     )
     disc: Disc | None = Field(None, description="Circle, in 2-D [m].")
-    path: Annotated[tuple[PathPoint, ...], Field(min_length=3)] | None = Field(
+    path: Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
         None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m]."
     )
     sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")

@@ -15,6 +15,10 @@ import yaml
 NO_LINE = float("inf")
 # Longer lists of legal words than this are left to the manual.
 MOST_WORDS = 8
+# Longer words are not told whole.
+LONGEST_SHOWN = 80
+# A text of more letters, or with more values when its anchors have been put in, is no scene.
+MOST_LETTERS, MOST_VALUES = 1_000_000, 100_000
 
 
 class SceneError(Exception):
@@ -39,17 +43,22 @@ class SourceMap:
 
     def error(self, path: str, message: str) -> SceneError:
         """The error that says `message` of `path`, for the caller to raise."""
-        return SceneError(": ".join(word for word in (self.place(path)[1], path, message) if word))
+        return SceneError(": ".join(word for word in (self.place(path)[1], shortened(path), message) if word))
 
 
-def nearest(word: object, names: Iterable[str]) -> str:
-    """What to add to "no such word": `; did you mean 'water'?`, or a short list of the legal names, or nothing."""
-    names = list(names)
+def closest(word: object, names: Iterable[str]) -> str:
+    """The one of `names` that was meant by `word`; nothing where none is like it."""
     folded = {name.casefold(): name for name in names}
-    close = difflib.get_close_matches(str(word).casefold(), folded, n=1)
-    if close:
-        return f"; did you mean '{folded[close[0]]}'?"
-    return f"; it can be {', '.join(names)}" if 0 < len(names) <= MOST_WORDS else ""
+    close = difflib.get_close_matches(str(word)[:LONGEST_SHOWN].casefold(), folded, n=1)
+    return folded[close[0]] if close else ""
+
+
+def nearest(word: object, names: Iterable[str], most: float = MOST_WORDS) -> str:
+    """What to add to "no such word": `; did you mean 'water'?`, or a list of the legal names if they are few."""
+    names = list(names)
+    if close := closest(word, names):
+        return f"; did you mean '{close}'?"
+    return f"; it can be {', '.join(names)}" if 0 < len(names) <= most else ""
 
 
 def show(value: object) -> str:
@@ -62,14 +71,23 @@ def show(value: object) -> str:
         return "a mapping"
     if isinstance(value, (list, tuple)):
         return "a list"
-    return repr(value)
+    return shortened(repr(value))
+
+
+def shortened(words: str, most: int = LONGEST_SHOWN) -> str:
+    """The words, without their middle where they are more than `most` letters."""
+    return words if len(words) <= most else f"{words[: most // 2]}...{words[-most // 4 :]}"
 
 
 def read_text(path: Path | str) -> str:
     """The text of the file at `path`. Raises SceneError when there is none to be had."""
     file = Path(path)
     try:
-        return file.read_text(encoding="utf-8-sig")
+        with file.open(encoding="utf-8-sig") as opened:
+            text = opened.read(MOST_LETTERS + 1)
+        if len(text) > MOST_LETTERS:
+            raise SceneError(f"{path}: longer than {MOST_LETTERS:,} letters; is it a scene?")
+        return text
     except FileNotFoundError:
         close = difflib.get_close_matches(file.name, [other.name for other in file.parent.glob("*.yaml")], n=1)
         hint = f"; did you mean '{file.with_name(close[0])}'?" if close else ""
@@ -92,11 +110,17 @@ def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
     def note(path: str, mark: yaml.Mark) -> None:
         source.places[path] = (mark.line + 1, f"{file}:{mark.line + 1}")
 
+    count = 0
+
     def plain(node: yaml.Node, path: str, above: tuple[yaml.Node, ...]) -> Any:
+        nonlocal count
+        count += 1
+        if count > MOST_VALUES:
+            raise SceneError(f"{file}: more than {MOST_VALUES:,} values; is it a scene?")
         if node in above:
             raise source.error(path, "refers to itself")
         if not node.tag.startswith("tag:yaml.org,2002:"):
-            raise source.error(path, f"the tag {node.tag} means nothing here")
+            raise source.error(path, f"the tag {shortened(node.tag)} means nothing here")
         if isinstance(node, yaml.ScalarNode):
             return _scalar(node)
         above = (*above, node)
@@ -125,9 +149,9 @@ def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
         return plain(root, "", ()), source
     except yaml.MarkedYAMLError as error:
         line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise SceneError(f"{file}{line}: not YAML: {error.problem}") from None
+        raise SceneError(f"{file}{line}: not YAML: {shortened(str(error.problem), 200)}") from None
     except yaml.YAMLError as error:
-        raise SceneError(f"{file}: not YAML: {' '.join(str(error).split())}") from None
+        raise SceneError(f"{file}: not YAML: {shortened(' '.join(str(error).split()), 200)}") from None
     except RecursionError:
         raise SceneError(f"{file}: nested too deeply to be a scene") from None
 
@@ -155,7 +179,7 @@ def apply_override(data: dict[str, Any], source: SourceMap, override: str) -> No
 
     Raises SceneError for an override without a value, or a path that cannot lead anywhere in `data`.
     """
-    label = f"--set {override}"
+    label = f"--set {shortened(override)}"
     path, equals, text = (part.strip() for part in override.partition("="))
     if not equals or not re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[\d+\])*", path):
         raise SceneError(f"{label}: a path and a value are needed, such as fluids[0].hold=false")

@@ -10,7 +10,7 @@ import warp as wp
 
 from warpsph.bodies.body_set import BodySet, rotation
 from warpsph.device.cells import Cells
-from warpsph.device.launch import Launch, floats
+from warpsph.device.launch import Launch, alias
 from warpsph.kernels import loads
 from warpsph.kernels.walls import wall_acceleration_kernel
 from warpsph.model import Model
@@ -18,13 +18,12 @@ from warpsph.placement.bodies import contact_of_walls
 from warpsph.placement.place import Start
 from warpsph.shapes.surface import wall_surface
 from warpsph.state import State
+from warpsph.step.act import Stage
 
 # No body may move farther than this in a step, in smoothing lengths: contact looks no farther ahead.
 MOST_STEP = 0.1
 # How far bodies may move before their points are listed anew, in supports.
 MOST_MOTION = 0.35
-
-_Launch = Launch | Callable[[], None]
 
 
 class Coupling:
@@ -94,12 +93,20 @@ class Coupling:
 
     def _record(self) -> None:
         """Bind the launches that list to the arrays as they are now."""
-        arguments = [
-            *(self.set.count, self._radius, self.listed_position, self._body_reach, self._body_first),
-            *(self.state.listed_position, self.listed_point, self.first, self._count, self.list),
-        ]
+        named = {
+            "body_count": self.set.count,
+            "radius": self._radius,
+            "body_position": self.listed_position,
+            "body_reach": self._body_reach,
+            "body_first": self._body_first,
+            "position": self.state.listed_position,
+            "point_position": self.listed_point,
+            "point_first": self.first,
+            "count": self._count,
+            "list": self.list,
+        }
         self._count_points, self._list_points = (
-            self.model.launcher.record(loads.body_points_kernel(listing), self.model.particle_count, arguments)
+            self.model.launcher.record(loads.body_points_kernel(listing), self.model.particle_count, **named)
             for listing in (False, True)
         )
 
@@ -122,7 +129,8 @@ class Coupling:
             return False
         self._count_points()
         wp.utils.array_scan(self._count, self.first, inclusive=False)
-        total = int(self.first[self.model.particle_count :].numpy()[0])
+        last = alias(self.first, int, 1, 4 * self.model.particle_count)
+        total = int(self.model.launcher.read(last)[0])
         grown = total > len(self.list)
         if grown:
             self.list = wp.zeros(total + total // 4, dtype=int, device=self.model.launcher.device)
@@ -132,57 +140,61 @@ class Coupling:
 
     # ---------------------------------------------------------------------------------------- the launches, in order
 
-    def drift_half(self) -> _Launch:
+    @property
+    def entries(self) -> int:
+        """How many entries of the clock are theirs."""
+        return 1
+
+    def drift_half(self) -> list[Stage]:
         """Bodies and their points to n+1/2."""
         s = self.state
-        return _chain(self.set.drift(0.0, 0.5, s.time, s.dt), self.set.move_points())
+        return [_chain(self.set.drift(0.0, 0.5, s.time, s.dt), self.set.move_points())]
 
-    def push_fluid(self) -> Launch:
+    def push_fluid(self) -> list[Launch]:
         """What bodies do to the fluid, on top of what walls do: once those have been told."""
         s, m, b = self.state, self.model, self.set
-        return m.launcher.record(
-            wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel, moving=True),
-            m.particle_count,
-            [
-                *(m.parameters, s.position_volume, s.velocity_pressure, s.fluid),
-                *(floats(b.point_position), floats(b.point_velocity), b.point_normal, b.point_before, b.point_after),
-                *(self.first, self.list, s.wall_acceleration, s.wall_distance),
-            ],
-        )
+        kernel = wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel, moving=True)
+        points = {
+            "wall_position": b.point_position,
+            "wall_velocity": b.point_velocity,
+            "wall_normal": b.point_normal,
+            "wall_before": b.point_before,
+            "wall_after": b.point_after,
+            "wall_first": self.first,
+            "wall_list": self.list,
+        }
+        return [m.launcher.record(kernel, m.particle_count, m, s, **points)]
 
-    def take_loads(self, cells: Cells) -> _Launch:
+    def take_loads(self, cells: Cells) -> list[Stage]:
         """What the fluid does to bodies, at n+1/2."""
-        s, m, b = self.state, self.model, self.set
-        react = m.launcher.record(
-            loads.reaction_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel),
-            b.point_count,
-            [
-                *(m.grid, m.parameters, self._reach, m.longest_motion, cells.start),
-                *(s.position_volume, s.velocity_pressure, s.fluid),
-                *(b.point_position, b.point_velocity, b.point_normal, b.point_before, b.point_after, b.point_force),
-            ],
-        )
-        return _chain(react, b.sum_loads())
+        m, b = self.model, self.set
+        near = {"reach": self._reach, "motion": m.longest_motion, "start": cells.start}
+        kernel = loads.reaction_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel)
+        react = m.launcher.record(kernel, b.point_count, m, self.state, b, force=b.point_force, **near)
+        return [_chain(react, b.sum_loads())]
 
-    def kick_and_drift(self) -> _Launch:
+    def kick_and_drift(self) -> list[Stage]:
         """Velocities to n+1 by loads, gravity and contact, then places."""
         s, b = self.state, self.set
-        return _chain(b.kick(s.time, s.dt), b.drift(0.5, 1.0, s.time, s.dt), b.move_points())
+        return [_chain(b.kick(s.time, s.dt), b.drift(0.5, 1.0, s.time, s.dt), b.move_points())]
 
-    def watch(self) -> Launch:
+    def watch(self) -> list[Launch]:
         """What the bodies allow of the next step, and of the lists: into the last of the entries of the clock."""
-        s, m, b = self.state, self.model, self.set
-        return m.launcher.record(
-            loads.watch_bodies,
-            1,
-            [
-                *(b.count, self._most_step, self._most_motion, self._swept),
-                *(b.position, b.orientation, b.velocity, b.spin, self.listed_position, self.listed_orientation),
-                *(s.block_dt_limit[s.block_count :], s.block_strain[s.strain_block_count :]),
-            ],
-        )
+        s, b = self.state, self.set
+        limits = {"most_step": self._most_step, "most_motion": self._most_motion, "body_reach": self._swept}
+        entries = {
+            "dt_limit": alias(s.block_dt_limit, float, 1, 4 * s.block_count),
+            "strain": alias(s.block_strain, float, 1, 4 * s.strain_block_count),
+        }
+        listed = {"listed_position": self.listed_position, "listed_orientation": self.listed_orientation}
+        record = self.model.launcher.record
+        return [record(loads.watch_bodies, 1, b, body_count=b.count, **listed, **limits, **entries)]
 
     # -------------------------------------------------------------------------------------------- between the steps
+
+    def move_points(self) -> None:
+        """The points of the surfaces to where the bodies are."""
+        self.set.move_points()()
 
     def release(self) -> None:
         """Give the held bodies the velocities with which they start."""
@@ -233,6 +245,45 @@ class Coupling:
         ]
 
 
+class NoBodies:
+    """Those of a scene without any."""
+
+    @property
+    def entries(self) -> int:
+        """None of the clock's."""
+        return 0
+
+    def drift_half(self) -> list[Stage]:
+        """None."""
+        return []
+
+    def push_fluid(self) -> list[Launch]:
+        """None."""
+        return []
+
+    def take_loads(self, cells: Cells) -> list[Stage]:
+        """None."""
+        return []
+
+    def kick_and_drift(self) -> list[Stage]:
+        """None."""
+        return []
+
+    def watch(self) -> list[Launch]:
+        """None."""
+        return []
+
+    def note_places(self) -> None:
+        """Nothing to note."""
+
+    def relist(self) -> bool:
+        """Nothing to list."""
+        return False
+
+    def move_points(self) -> None:
+        """Nothing to move."""
+
+
 def columns(dimensions: int) -> list[str]:
     """Columns of the record of a body after its time."""
     if dimensions == 2:
@@ -243,11 +294,11 @@ def columns(dimensions: int) -> list[str]:
     return [*place, *motion, *(f"force {axis} [N]" for axis in "xyz"), *(f"torque {axis} [N m]" for axis in "xyz")]
 
 
-def _chain(*launches: _Launch) -> Callable[[], None]:
+def _chain(*launches: Stage) -> Callable[[], None]:
     return partial(_run, launches)
 
 
-def _run(launches: tuple[_Launch, ...]) -> None:
+def _run(launches: tuple[Stage, ...]) -> None:
     for launch in launches:
         launch()
 

@@ -52,8 +52,8 @@ class Dummies:
         self._anywhere = wp.full(cells, 1, dtype=wp.uint8, device=device)
         reach = math.ceil(model.wall_radius * model.grid.inverse_edge)
         self._mark = [
-            launcher.record(mark_walls, cells, [model.grid, reach, self._cells.start, model.near_wall]),
-            launcher.record(
+            launcher.record_in_order(mark_walls, cells, [model.grid, reach, self._cells.start, model.near_wall]),
+            launcher.record_in_order(
                 kernels.mark_blocks, len(model.wall_block), [model.grid, self._cells.start, model.wall_block]
             ),
         ]
@@ -62,7 +62,7 @@ class Dummies:
 
     def _record(self) -> None:
         """Bind the launches to the arrays as they are now."""
-        m, s, n, record = self._model, self._state, self._model.particle_count, self._model.launcher.record
+        m, s, n, record = self._model, self._state, self._model.particle_count, self._model.launcher.record_in_order
         around = [m.grid, m.wall_radius, self._anywhere, self._particles.start, self._cells.cell, self._listed]
         around += [s.listed_position, self.first, self.first, self.list]
         self._count_fluid = record(wall_points_kernel(listing=False), self.count, around)
@@ -118,7 +118,7 @@ class Dummies:
         m, s = self._model, self._state
         if self._appended_to is not neighbour_list:
             self._appended_to = neighbour_list
-            self._append = m.launcher.record(
+            self._append = m.launcher.record_in_order(
                 kernels.list_dummies_kernel(m.layout),
                 m.particle_count,
                 [
@@ -148,6 +148,6 @@ class Dummies:
         """The launch that books what dummies do in a `share` of a step."""
         s = self._state
         block = -(-self.count // s.block_count)
-        return self._model.launcher.record(
+        return self._model.launcher.record_in_order(
             kernels.book_power, s.block_count, [self.count, block, share, s.dt, self.power, s.work]
         )

@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpsph.device.cells import Cells
-from warpsph.device.launch import Launch
+from warpsph.device.launch import Launch, alias
 from warpsph.kernels import images as kernels
 from warpsph.model import Model
 from warpsph.state import State
@@ -24,38 +24,38 @@ class Ghosts:
         n, device, record = model.particle_count, model.launcher.device, model.launcher.record
         self.inner_count = wp.zeros(n, dtype=int, device=device)
         self._first = wp.zeros(n + 1, dtype=int, device=device)
-        self._count_ghosts = record(
-            kernels.count_ghosts, n, [model.images, model.list_radius, state.listed_position, self._first]
-        )
+        self._total = alias(self._first, int, 1, 4 * n)
         s = state
-        moved = [s.position, s.velocity, s.acceleration, s.xsph_velocity]
+        self._count_ghosts = record(
+            kernels.count_ghosts, n, model, radius=model.list_radius, position=s.listed_position, count=self._first
+        )
         lift = s.wall_distance  # free between steps
-        self._fold = record(kernels.fold, n, [model.images, model.parameters, s.fluid, *moved, lift])
-        self._book_lift = record(kernels.book_lift, s.block_count, [s.blocks, lift, s.work])
+        self._fold = record(kernels.fold, n, model, s, lift=lift)
+        self._book_lift = record(kernels.book_lift, s.block_count, s, lift=lift)
         self._make_room(64)
 
     def _make_room(self, room: int) -> None:
         """Room for so many ghosts."""
         model, state, device = self._model, self._state, self._model.launcher.device
-        record, n, radius = model.launcher.record, model.particle_count, model.list_radius
+        record, n = model.launcher.record, model.particle_count
         state.make_room(room)
         self.source, self.image = (wp.zeros(room, dtype=int, device=device) for _ in range(2))
-        self._position = wp.zeros(room, dtype=wp.vec3, device=device)
-        self._cells = Cells(model.grid, self._position, model.launcher)
-        seen = [*(model.images, radius, state.listed_position, state.fluid, self._first)]
-        ghost_fluid = state.fluid_and_ghosts[n:]
-        self._make = record(kernels.make_ghosts, n, [*seen, self.source, self.image, ghost_fluid, self._position])
-        self._forget = record(kernels.forget_ghosts, room, [self._first, n, self.source, self._position])
+        self.ghost_position = wp.zeros(room, dtype=wp.vec3, device=device)
+        self.ghost_fluid = alias(state.fluid_and_ghosts, int, room, 4 * n)
+        self._cells = Cells(model.grid, self.ghost_position, model.launcher)
+        place = {"radius": model.list_radius, "position": state.listed_position, "ghost_first": self._first}
+        self._make = record(kernels.make_ghosts, n, model, state, self, **place)
+        self._forget = record(kernels.forget_ghosts, room, self, total=self._first, last=n)
         self._appended_to: wp.array | None = None  # the lists that `append` is bound to
-        packed = (state.position_volume, state.velocity_pressure)
-        self.move = record(
-            kernels.move_ghosts,
-            room,
-            [
-                *(model.images, model.parameters, self.source, self.image, *packed, ghost_fluid),
-                *(array[n:] for array in packed),
-            ],
-        )
+        behind = {
+            f"ghost_{name}": alias(getattr(state, name), wp.vec4, room, 16 * n)
+            for name in ("position_volume", "velocity_pressure")
+        }
+        self.move = record(kernels.move_ghosts, room, model, state, self, **behind)
+
+    def moved(self) -> list[Launch]:
+        """The launch that moves the ghosts with their particles."""
+        return [self.move]
 
     def fold(self) -> None:
         """Bring particles that left through an edge back as the images that came in for them."""
@@ -67,7 +67,7 @@ class Ghosts:
         n = self._model.particle_count
         self._count_ghosts()
         wp.utils.array_scan(self._first, self._first, inclusive=False)
-        total = int(self._first[n:].numpy()[0])
+        total = int(self._model.launcher.read(self._total)[0])
         grown = total > len(self.source)
         if grown:
             self._make_room(total + total // 4)
@@ -85,16 +85,31 @@ class Ghosts:
             self._append = model.launcher.record(
                 kernels.list_ghosts_kernel(model.layout),
                 model.particle_count,
-                [
-                    *(model.grid, model.parameters, model.particle_count, self._cells.start, self._cells.order),
-                    *(self._particles.cell, self._state.listed_position, self._position),
-                    *(self._count, neighbour_list, self.inner_count, too_long),
-                ],
+                *(model, self),
+                ghost_start=self._cells.start,
+                ghost_order=self._cells.order,
+                cell=self._particles.cell,
+                position=self._state.listed_position,
+                count=self._count,
+                list=neighbour_list,
+                too_long=too_long,
             )
         self._append()
 
-    def compare_motion(self) -> Launch:
+    def compare_motion(self) -> list[Launch]:
         """What the lists allow between particles and ghosts, as `compare_motion` does it among particles."""
         m, s = self._model, self._state
-        bounds = [m.grid, m.images, m.skin, m.support, s.motion_lower, s.motion_upper, s.strain]
-        return m.launcher.record(kernels.compare_images, s.cell_block_count, bounds)
+        ends = {"lower": s.motion_lower, "upper": s.motion_upper}
+        return [m.launcher.record(kernels.compare_images, s.cell_block_count, m, s, **ends)]
+
+
+class NoGhosts:
+    """Those of a scene without images."""
+
+    def moved(self) -> list[Launch]:
+        """None."""
+        return []
+
+    def compare_motion(self) -> list[Launch]:
+        """None."""
+        return []

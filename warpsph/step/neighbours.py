@@ -21,7 +21,8 @@ class Neighbours:
     Attributes:
         cells: The particles' cells at the time of listing.
         are_listed: Whether there are lists of neighbours; if not, pair loops walk the cells.
-        count, list: Neighbours of i are entries k < count[i] of its row, list[i, k] on a CPU and list[k, i] on a GPU.
+        neighbour_count, neighbour_list: Neighbours of i are entries k < neighbour_count[i] of its row,
+            neighbour_list[i, k] on a CPU and neighbour_list[k, i] on a GPU.
         ghosts: What is seen through images; None where there are none.
         dummies: The dummy particles of walls; None where walls are made of points.
         wall_first, wall_list: Wall points of i are wall_list[wall_first[i] : wall_first[i + 1]].
@@ -35,8 +36,8 @@ class Neighbours:
         lent = (state.pressure_acceleration, state.dissipative_acceleration)
         self.cells = Cells(model.grid, state.listed_position, model.launcher, lent)
         self.are_listed = model.formulas.neighbours == "lists"
-        self.count = wp.zeros(count if self.are_listed else 1, dtype=int, device=device)
-        self.list = self._make_list()
+        self.neighbour_count = wp.zeros(count if self.are_listed else 1, dtype=int, device=device)
+        self.neighbour_list = self._make_list()
         # What the host asks after lists were made: whether a row may have been cut short, and how many wall points all
         # particles have on their lists.
         self._asked = wp.zeros(2, dtype=int, device=device)
@@ -44,10 +45,15 @@ class Neighbours:
         self.wall_first = wp.zeros(count + 1, dtype=int, device=device)
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
-        self.ghosts = Ghosts(model, state, self.cells, self.count) if model.images else None
+        self.ghosts = Ghosts(model, state, self.cells, self.neighbour_count) if model.images else None
         self.dummies = Dummies(model, state, self.cells, bodies) if model.has_dummies else None
         self._record()
         self._permute = self._record_permutation()
+
+    @property
+    def cell_start(self) -> wp.array:
+        """start[c] = first slot of cell c, shape [cell_count + 1]."""
+        return self.cells.start
 
     def _make_list(self) -> wp.array:
         """Lists with room for `list_capacity` neighbours a particle."""
@@ -58,20 +64,24 @@ class Neighbours:
     def _record(self) -> None:
         """Bind the launches to the arrays as they are now."""
         model, record, count = self.model, self.model.launcher.record, self.model.particle_count
-        grid, parameters, listed, cell = model.grid, model.parameters, self.state.listed_position, self.cells.cell
-        self._round = record(kernels.round_position, count, [self.state.position, listed])
+        listed = {"cell": self.cells.cell, "position": self.state.listed_position}
+        self._round = record(kernels.round_position, count, self.state, rounded=self.state.listed_position)
         self._list = record(
             kernels.list_kernel(model.layout),
-            count,
-            [grid, parameters, self.cells.start, cell, listed, self.count, self.list, self._too_long],
+            *(count, model),
+            start=self.cell_start,
+            count=self.neighbour_count,
+            list=self.neighbour_list,
+            too_long=self._too_long,
+            **listed,
         )
-        near = [grid, model.wall_radius, model.near_wall, model.wall_start, cell, listed, model.wall_position]
-        walls = [*near, self.wall_first, self.wall_first, self.wall_list]
-        count_walls = record(kernels.wall_points_kernel(listing=False), count, walls)
+        walls = listed | {"radius": model.wall_radius, "count": self.wall_first, "list": self.wall_list}
+        count_walls, self._list_walls = (
+            record(kernels.wall_points_kernel(listing), count, model, self, **walls) for listing in (False, True)
+        )
         self._look_around = model.launcher.chain(self._list, count_walls) if self.are_listed else count_walls
         if self.dummies:
             self._look_around = self._list
-        self._list_walls = record(kernels.wall_points_kernel(listing=True), count, walls)
 
     def _record_permutation(self) -> Callable[[], None]:
         """What brings every particle array into the order of the cells, through what the step packs anew."""
@@ -81,8 +91,8 @@ class Neighbours:
             values = getattr(self.state, name)
             permuted = alias(self.state.packed, values.dtype, count)
             gather, copy = kernels.gather_kernel(values.dtype), kernels.copy_kernel(values.dtype)
-            launches.append(launcher.record(gather, count, [self.cells.order, values, permuted]))
-            launches.append(launcher.record(copy, count, [permuted, values]))
+            launches.append(launcher.record_in_order(gather, count, [self.cells.order, values, permuted]))
+            launches.append(launcher.record_in_order(copy, count, [permuted, values]))
         return launcher.sequence([*launches, self._round])
 
     def rebuild(self) -> bool:
@@ -109,10 +119,10 @@ class Neighbours:
         self._too_long.zero_()
         self._look_around()
         if self.ghosts:
-            self.ghosts.append(self.list, self._too_long)
+            self.ghosts.append(self.neighbour_list, self._too_long)
         if self.dummies:
             self.dummies.sort()
-            self.dummies.append(self.count, self.list, self._too_long)
+            self.dummies.append(self.neighbour_count, self.neighbour_list, self._too_long)
             grown = self.dummies.find() | self._grow()
         else:
             wp.utils.array_scan(self.wall_first, self.wall_first, inclusive=False)
@@ -124,7 +134,7 @@ class Neighbours:
 
     def rows(self) -> np.ndarray:
         """The lists on the host, shape [particle_count, capacity]; of row i only the first count[i] mean anything."""
-        entries = self.list.numpy()
+        entries = self.neighbour_list.numpy()
         return entries.T if self.model.layout.by_column else entries
 
     def _grow(self) -> bool:
@@ -139,13 +149,13 @@ class Neighbours:
         while is_too_long:
             capacity = model.parameters.list_capacity
             model.parameters.list_capacity = capacity + capacity // 4 + 1
-            self.list = self._make_list()
+            self.neighbour_list = self._make_list()
             self._record()
             self._too_long.zero_()
             self._list()
             if self.ghosts:
-                self.ghosts.append(self.list, self._too_long)
+                self.ghosts.append(self.neighbour_list, self._too_long)
             if self.dummies:
-                self.dummies.append(self.count, self.list, self._too_long)
+                self.dummies.append(self.neighbour_count, self.neighbour_list, self._too_long)
             is_too_long, grown = int(model.launcher.read(self._asked)[0]), True
         return grown

@@ -1,18 +1,22 @@
 """The stage of a step that adds the acceleration by the materials' own viscosities."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from typing import Any
 
 import warp as wp
 
-from warpsph.device.launch import Launch, floats
+from warpsph.device.launch import Launch
 from warpsph.kernels import stress, viscosity
 from warpsph.kernels.balance import balance_kernel, keep_balance
 from warpsph.kernels.images import Images
+from warpsph.kernels.layout import Layout
 from warpsph.kernels.rheology import apparent_viscosity_kernel
 from warpsph.kernels.shifting import change_with_place
 from warpsph.model import Model
 from warpsph.rheology import legendre_stages
 from warpsph.state import State
+from warpsph.step.act import Stage
 from warpsph.step.neighbours import Neighbours
 
 
@@ -50,8 +54,24 @@ class Viscosity:
         rows = 1 if model.formulas.dimensions == 2 else 3
         self.stress = wp.zeros(rows * count if by_stress else 1, dtype=wp.vec4, device=device)
         self.balance = zeros(wp.vec3, model.viscous.balanced)
-        self._images = model.images or Images()
+        self.images = model.images or Images()
         self._no_ghosts = wp.zeros(1, dtype=int, device=device)
+
+    @property
+    def inner_count(self) -> wp.array:
+        """How many entries of a row of the lists are particles."""
+        ghosts = self.neighbours.ghosts
+        return ghosts.inner_count if ghosts else self.neighbours.neighbour_count
+
+    @property
+    def ghost_source(self) -> wp.array:
+        """The particle that each ghost shows."""
+        return self.neighbours.ghosts.source if self.neighbours.ghosts else self._no_ghosts
+
+    @property
+    def ghost_image(self) -> wp.array:
+        """The image in which each ghost is seen."""
+        return self.neighbours.ghosts.image if self.neighbours.ghosts else self._no_ghosts
 
     def arrays(self) -> list[wp.array]:
         """What it has allocated."""
@@ -64,28 +84,27 @@ class Viscosity:
 
         With the velocity gradient that it takes go the velocities of particles that shifting moves.
         """
-        m, s, packed = self.model, self.state, self.velocity_viscosity[0]
-        if m.viscous.stages == 1:
-            start = self._record(viscosity.with_viscosity, s.velocity_pressure, self.viscosity, packed)
-        else:
-            start = self._record(
-                viscosity.start_stages, m.parameters, s.position_volume, s.velocity, self.viscosity, packed
-            )
+        m = self.model
+        start = self._record(
+            viscosity.with_viscosity if m.viscous.stages == 1 else viscosity.start_stages,
+            velocity_viscosity=self.velocity_viscosity[0],
+        )
         normalise = self._record(
-            viscosity.normalised_viscosity, self.second_moment, self.material_viscosity, self.viscosity
+            viscosity.normalised_viscosity, viscosity=self.material_viscosity, normalised_viscosity=self.viscosity
         )
         return [*self._apparent(), *self._change_with_place(), normalise, start, *self._find_balance()]
 
     def _apparent(self) -> list[Launch]:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
-        m, s = self.model, self.state
-        gradient = self._gradient(s.velocity_pressure)
-        if m.viscous.law is None:
-            constant = [m.viscous.rheology, s.fluid, self.material_viscosity]
-            return [gradient, self._record(viscosity.newtonian_viscosity, *constant)]
-        law = apparent_viscosity_kernel(m.viscous.law, m.viscous.regularisation)
-        numbers = [m.viscous.rheology, s.fluid, self.velocity_gradient, m.parameters.dimensions]
-        return [gradient, self._record(law, *numbers, self.material_viscosity)]
+        viscous, found = (
+            self.model.viscous,
+            {"rheology": self.model.viscous.rheology, "viscosity": self.material_viscosity},
+        )
+        gradient = self._gradient(self.state.velocity_pressure)
+        if viscous.law is None:
+            return [gradient, self._record(viscosity.newtonian_viscosity, **found)]
+        law = apparent_viscosity_kernel(viscous.law, viscous.regularisation)
+        return [gradient, self._record(law, dimensions=self.model.parameters.dimensions, **found)]
 
     def shown(self) -> list[Launch]:
         """Launches that find what outputs show, for the velocity in `velocity_pressure`; none for constant viscosities.
@@ -95,50 +114,72 @@ class Viscosity:
         m, s = self.model, self.state
         if m.viscous.law is None:
             return []
-        kernel = stress.yielding_kernel(
-            m.formulas.smoothing, m.viscous.mean, m.formulas.dimensions, m.layout, m.images is not None
+        tell = self._record(
+            stress.yielding_kernel(m.formulas.smoothing, m.viscous.mean, *self._flow),
+            packed_velocity=s.velocity_pressure,
+            place=s.position_volume,
+            viscosity=self.material_viscosity,
+            yield_stress=m.viscous.rheology.yield_stress,
         )
-        numbers = [self.material_viscosity, m.viscous.rheology.yield_stress, s.yielded]
-        tell = self._record(kernel, *self._read(s.velocity_pressure), s.fluid, *self._lists(), *numbers)
         return [*self._apparent(), tell]
 
-    def stages(self, share: float = 1.0) -> dict[str, Launch | Callable[[], None]]:
+    def over(self, share: float = 1.0) -> ViscousAct:
+        """The act that adds the acceleration by viscosity, over a `share` of the step."""
+        return ViscousAct(self, share)
+
+    def stages(self, share: float = 1.0) -> dict[str, Stage]:
         """Launches that add the acceleration by viscosity to `state.dissipative_acceleration`, in order.
 
         With stages it is the mean over `share` of the step that begins with `state.velocity`, with the other
         accelerations of the state.
         """
         chain, count = self.model.launcher.chain, self.model.viscous.stages
-        dissipative = self.state.dissipative_acceleration
         if count == 1:
             *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
-            last = [self._record(viscosity.add_acceleration, self.rate[0], dissipative), *self._keep_balance()]
+            last = [self._add(self.rate[0]), *self._keep_balance()]
             return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, *last)}
-        launches: dict[str, Launch | Callable[[], None]] = {}
+        launches: dict[str, Stage] = {}
         for j, stage in enumerate(legendre_stages(count), 1):
             read, written = self.velocity_viscosity[(j + 1) % 2], self.velocity_viscosity[j % 2]
             rate = self.rate[0] if j == 1 else self.rate[1]
             *before, sweep = self._sweep(read, rate)
-            s, mean = self.state, self.mean_rate[j % 2]
+            mean = self.mean_rate[j % 2]
             update = self._record(
                 viscosity.viscous_stage,
-                *(self.model.parameters, share, stage.before, stage.second, stage.rate, stage.first, stage.elapsed),
-                *(s.dt, s.velocity, s.pressure_acceleration, s.dissipative_acceleration, s.wall_acceleration),
-                *(s.fluid, s.position_volume, self.viscosity, rate, self.rate[0], self.mean_rate[(j + 1) % 2]),
-                *(mean, written),
+                share=share,
+                weight_before=stage.before,
+                weight_second=stage.second,
+                weight_rate=stage.rate,
+                weight_first=stage.first,
+                elapsed=stage.elapsed,
+                rate=rate,
+                first_rate=self.rate[0],
+                before=self.mean_rate[(j + 1) % 2],
+                viscous_acceleration=mean,
+                velocity_viscosity=written,
             )
-            add = self._record(viscosity.add_acceleration, mean, dissipative)
-            last = [add, *self._keep_balance()] if j == count else []
+            last = [self._add(mean), *self._keep_balance()] if j == count else []
             name = f"viscosity, stage {j} of {count}"
             launches |= {**self._named(f"{name}, stress", before), name: chain(sweep, update, *last)}
         return launches
 
     # ---------------------------------------------------------------------------------------------------- the launches
 
-    def _record(self, kernel: wp.Kernel, *arguments: object) -> Launch:
-        return self.model.launcher.record(kernel, self.model.particle_count, arguments)
+    def _record(self, kernel: wp.Kernel, **named: Any) -> Launch:
+        """A launch over all particles."""
+        m = self.model
+        return m.launcher.record(kernel, m.particle_count, m, self.state, self.neighbours, self, **named)
 
-    def _named(self, name: str, launches: list[Launch]) -> dict[str, Launch]:
+    def _add(self, acceleration: wp.array) -> Launch:
+        total = self.state.dissipative_acceleration
+        return self._record(viscosity.add_acceleration, acceleration=acceleration, acceleration_inout=total)
+
+    @property
+    def _flow(self) -> tuple[int, Layout, bool]:
+        """What all pair loops of velocity close over besides their formulas."""
+        return self.model.formulas.dimensions, self.model.layout, self.model.images is not None
+
+    def _named(self, name: str, launches: list[Launch]) -> dict[str, Stage]:
         return {name: self.model.launcher.chain(*launches)} if launches else {}
 
     def _change_with_place(self) -> list[Launch]:
@@ -146,57 +187,71 @@ class Viscosity:
         s, chosen = self.state, self.model.scene.shifting
         if chosen.model == "none" or chosen.velocity == "own":
             return []
-        return [self._record(change_with_place, self.velocity_gradient, s.xsph_velocity, s.dissipative_acceleration)]
+        return [self._record(change_with_place, drift=s.xsph_velocity, acceleration=s.dissipative_acceleration)]
 
     def _find_balance(self) -> list[Launch]:
         """The launch that takes lambda a sweep further, if weights are balanced."""
         m, s = self.model, self.state
         if not m.viscous.balanced:
             return []
-        kernel = balance_kernel(m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None)
-        return [self._record(kernel, *self._read(s.velocity_pressure), *self._lists(), floats(s.balance), self.balance)]
+        reads = {"packed_velocity": s.velocity_pressure, "place": s.position_volume}
+        kernel = balance_kernel(m.formulas.smoothing, *self._flow)
+        return [self._record(kernel, balance=s.balance, balance_out=self.balance, **reads)]
 
     def _keep_balance(self) -> list[Launch]:
         """The launch that keeps lambda for the next step."""
         if not self.model.viscous.balanced:
             return []
-        return [self._record(keep_balance, self.balance, self.state.balance)]
+        return [self._record(keep_balance, balance=self.balance, kept_balance=self.state.balance)]
 
     def _sweep(self, velocity_viscosity: wp.array, rate: wp.array) -> list[Launch]:
         """L of a velocity; what comes before the last launch must be over when that begins."""
-        m, s, balance = self.model, self.state, floats(self.balance)
-        flow = (m.formulas.dimensions, m.layout, m.images is not None, m.viscous.balanced)
+        m, place = self.model, self.state.position_volume
+        reads = {"velocity_viscosity": velocity_viscosity, "place": place, "balance": self.balance}
+        names = (m.formulas.smoothing, m.viscous.mean)
         if m.viscous.form == "stress":
-            kernel = stress.stress_acceleration_kernel(m.formulas.smoothing, m.viscous.mean, *flow)
+            kernel = stress.stress_acceleration_kernel(*names, *self._flow, m.viscous.balanced)
             transposed = stress.transposed_stress_kernel(m.formulas.dimensions)
-            gradient = [self.velocity_gradient, self.viscosity, m.parameters.dimensions]
-            packed = m.launcher.packed(self.stress)
             return [
                 self._gradient(velocity_viscosity),
-                self._record(transposed, *gradient, self.stress),
-                self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), packed, balance, rate),
+                self._record(transposed, dimensions=m.parameters.dimensions),
+                self._record(kernel, stress_acceleration=rate, **reads),
             ]
-        kernel = viscosity.viscous_acceleration_kernel(m.formulas.smoothing, m.viscous.form, m.viscous.mean, *flow)
-        return [self._record(kernel, *self._read(velocity_viscosity), s.fluid, *self._lists(), balance, rate)]
+        smoothing, mean = names
+        kernel = viscosity.viscous_acceleration_kernel(smoothing, m.viscous.form, mean, *self._flow, m.viscous.balanced)
+        return [self._record(kernel, viscous_acceleration=rate, **reads)]
 
     def _gradient(self, packed_velocity: wp.array) -> Launch:
-        m = self.model
-        kernel = stress.velocity_gradient_kernel(
-            m.formulas.smoothing, m.formulas.dimensions, m.layout, m.images is not None
-        )
-        return self._record(
-            kernel, *self._read(packed_velocity), *self._lists(), self.velocity_gradient, self.second_moment
-        )
+        kernel = stress.velocity_gradient_kernel(self.model.formulas.smoothing, *self._flow)
+        return self._record(kernel, packed_velocity=packed_velocity, place=self.state.position_volume)
 
-    def _read(self, packed_velocity: wp.array) -> list[object]:
-        """What the pair loops of velocity begin with."""
-        m, place = self.model, self.state.position_volume
-        packed = [m.launcher.packed(place), m.launcher.packed(packed_velocity)]
-        return [m.parameters, self._images, m.particle_count, *packed, place]
 
-    def _lists(self) -> list[wp.array]:
-        """The neighbours: particles, then ghosts."""
-        n, ghosts = self.neighbours, self.neighbours.ghosts
-        if ghosts is None:
-            return [n.count, n.count, n.list, self._no_ghosts, self._no_ghosts]
-        return [ghosts.inner_count, n.count, n.list, ghosts.source, ghosts.image]
+class ViscousAct:
+    """The act of a step that adds the acceleration by viscosity."""
+
+    def __init__(self, viscosity: Viscosity, share: float) -> None:
+        self._viscosity, self._share = viscosity, share
+
+    def stages(self) -> dict[str, Stage]:
+        """One sweep, or a Runge-Kutta-Legendre scheme of several."""
+        return self._viscosity.stages(self._share)
+
+
+class NoViscosity:
+    """Materials without a viscosity of their own."""
+
+    def prepare(self) -> list[Launch]:
+        """None."""
+        return []
+
+    def shown(self) -> list[Launch]:
+        """None."""
+        return []
+
+    def over(self, share: float = 1.0) -> NoViscosity:
+        """An act without stages."""
+        return self
+
+    def stages(self) -> dict[str, Stage]:
+        """None."""
+        return {}

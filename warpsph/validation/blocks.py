@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from warpsph.measure.waves import Impact, Wave, celerity, find_impact, find_wave
-from warpsph.output.frames import LINE_PALETTE, new_plots
+from warpsph.output.plots import LINE_PALETTE, new_plots
 from warpsph.output.records import find_crest, read_record
 from warpsph.run import Run
 from warpsph.theory.analytic import impulse_product, impulse_wave, solitary_celerity, solitary_energy

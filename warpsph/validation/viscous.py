@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels.corrections import density_filter_kernel
-from warpsph.output.frames import LINE_PALETTE, new_plots
+from warpsph.output.plots import LINE_PALETTE, new_plots
 from warpsph.output.records import read_record
 from warpsph.run import Run
 from warpsph.theory import analytic
@@ -475,7 +475,7 @@ def _interpolated(run: Run, correction: str, constant: float = 1.0) -> tuple[np.
     f = wp.array(exact, dtype=wp.float64, device=device)
     found, in_every_step = wp.zeros_like(f), [1, wp.zeros(1, dtype=int, device=device)]
     model.parameters.kernel_norm = norm * constant
-    inputs = [*in_every_step, state.position_volume, state.fluid, lists.count, lists.list, f]
+    inputs = [*in_every_step, state.position_volume, state.fluid, lists.neighbour_count, lists.neighbour_list, f]
     kernel = density_filter_kernel(model.formulas.smoothing, correction, by_volume=False, layout=model.layout)
     model.launcher.run(kernel, model.particle_count, [model.parameters, *inputs, found])
     model.parameters.kernel_norm = norm
