@@ -33,8 +33,12 @@ _OWN = {
     "gauges": "",
     "fluids": "",
     "bodies": "",
+    "probes": "",
+    "forces": "",
+    "run_up": "",
+    "overtopping": "",
 }
-_RECORD = re.compile(r"(energy|(gauges|fluids|bodies)/\w+)\.csv")
+_RECORD = re.compile(r"(energy|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
 
 
 class FolderError(Exception):

@@ -92,6 +92,29 @@ RECORDS = (
         panels=(Panel(("level",), "level − still level", since_start=True),),
     ),
     Records(
+        "Probes",
+        "probes/*.csv",
+        panels=(Panel(("pressure",)), Panel(("u",)), Panel(("w",))),
+    ),
+    Records(
+        "Forces on walls",
+        "forces/*.csv",
+        "The pressure on walls, its torque, and how high it attacks.",
+        (Panel(("force x",)), Panel(("force z",)), Panel(("torque", "torque y"), "torque"), Panel(("z",), "attack, z")),
+    ),
+    Records(
+        "Run-up",
+        "run_up/*.csv",
+        "The highest wet point along each wall.",
+        (Panel(("z",), "highest wet point, z"), Panel(("length",), "the same, along the wall")),
+    ),
+    Records(
+        "Overtopping",
+        "overtopping/*.csv",
+        "What has passed each line.",
+        (Panel(("volume",)), Panel(("discharge",))),
+    ),
+    Records(
         "Bodies",
         "bodies/*.csv",
         "Where the centre of each body goes, and the force of the fluid on it.",
