@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpsph.placement.bodies import Solid
 from warpsph.placement.doubts import count_of, distance
+from warpsph.placement.drawing import solid
 from warpsph.placement.lattice import (
     CLEARANCE_SLACK,
     LATTICE_SLACK,
@@ -23,7 +24,7 @@ from warpsph.placement.lattice import (
 from warpsph.scene.fluids import Fluid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.points import Array, near
-from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box, solid
+from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box
 
 Wall = Sheet | Crate
 

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind, refuse_too_fast
+from warpsph.placement.damping import refuse_long_zones
 from warpsph.placement.doubts import doubts_of, slow_sound
+from warpsph.placement.drawing import wall_surface
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.fluids import Sites, fill_sites, shape_sites
 from warpsph.placement.images import Edge, find_edges, find_images
@@ -26,7 +28,7 @@ from warpsph.placement.packing import pack
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import near
-from warpsph.shapes.surface import BLOCK, Crate, Sheet, around, wall_surface
+from warpsph.shapes.surface import BLOCK, Crate, Sheet, around
 
 Wall = Sheet | Crate
 
@@ -158,6 +160,7 @@ def place(scene: Scene) -> Placement:
     volumes = np.array([sites.volume for sites in placed])
     depth = joined([sites.depth * fluid.hydrostatic for fluid, sites in zip(scene.fluids, placed, strict=True)], (0,))
     position = joined([_jittered(scene, i, sites.position) for i, sites in enumerate(placed)])
+    refuse_long_zones(scene, position)
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)
