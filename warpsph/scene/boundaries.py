@@ -70,9 +70,9 @@ class WallModel(Part):
 
     force: Literal["dummy_particles", "radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa"] = Field(
         "dummy_particles",
-        description="Law of the wall force [-]: dummy_particles stand in layers behind the wall with the pressure of the "
-        "fluid before it (Adami, Hu & Adams 2012), and nothing is to be tuned; the others push, radial as Monaghan and "
-        "Kajtar do.",
+        description="Law of the wall force [-]: dummy_particles stand in layers behind the wall with the pressure of "
+        "the fluid before it (Adami, Hu & Adams 2012), and nothing is to be tuned; the others push, radial as Monaghan "
+        "and Kajtar do.",
     )
     refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
         1.0, description="Particle spacing over the spacing of wall points, beta [-]; 3 for laws that push when absent."
@@ -86,8 +86,8 @@ class WallModel(Part):
     set_back: Annotated[Real, Field(ge=0, le=10)] = Field(
         0.0,
         description="How far behind the wall line the points of a law that pushes stand, in spacings [-]: still water "
-        "then rests with its first row half a spacing off the line. When absent 0.95 for radial, 0.3 for lennard_jones, "
-        "0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
+        "then rests with its first row half a spacing off the line. When absent 0.95 for radial, 0.3 for "
+        "lennard_jones, 0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
     )
 
     @model_validator(mode="before")
