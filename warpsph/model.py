@@ -172,6 +172,7 @@ class Model:
         They are had once: on the device they are needed, here they would only take memory.
         """
         initial, self._initial = self._initial, None
+        assert initial is not None, "it has been taken"
         return initial
 
 

@@ -102,7 +102,7 @@ def test_walls_take_the_momentum_that_fluid_loses(make_scene, device):
     # The state as forces find it: positions, pressures and dummies as they are now.
     simulation.step._pack()
     simulation.step.neighbours.dummies.press()
-    simulation.step._sweep(continuity=False)()
+    simulation.step.scheme.fluid.sweep(continuity=False)[0]()
     packed = np.concatenate(
         [array.numpy()[:, :4] for array in (state.position_volume, state.velocity_pressure)], axis=1
     )
@@ -126,7 +126,7 @@ def test_fluid_slips_unless_its_material_rubs(make_scene, device):
         scene = make_scene(TANK, f"materials.water.wall_alpha={wall_alpha}", "fluids[0].velocity=[0.5, 0.0]")
         simulation = Simulation(scene, device)
         simulation.step.neighbours.dummies.press()
-        simulation.step._sweep(continuity=False)()
+        simulation.step.scheme.fluid.sweep(continuity=False)[0]()
         x = simulation.state.position.numpy()
         dissipative = simulation.state.dissipative_acceleration.numpy()
         middle = (x[:, 0] > 0.06) & (x[:, 0] < 0.14)
@@ -199,7 +199,7 @@ def test_the_loads_on_bodies_are_what_they_do_to_the_fluid(make_scene, device):
     step._pack()
     dummies = step.neighbours.dummies
     dummies.press()
-    step._sweep(continuity=False)()
+    step.scheme.fluid.sweep(continuity=False)[0]()
     dummies.take_loads()()
     x = state.position.numpy()
     m = simulation.model.parameters.mass.numpy()[0]

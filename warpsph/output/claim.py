@@ -29,6 +29,7 @@ _OWN = {
     "preview": r"\.?frame\.\d{5,}\.png|\.?animation\.(mp4|gif)|gauges\.png",
     "usd": r"\.?(scene\.usda|static\.usdc|manifest\.usda)",
     "usd/frames": r"\.?fluid\.\d{5,}\.usdc",
+    "particles": r"\.?(fluid\.\d{5,}\.vtu|particles\.pvd)",
     "gauges": "",
     "fluids": "",
     "bodies": "",

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind, refuse_too_fast
 from warpsph.placement.doubts import count_of, distance, doubts_of, slow_sound
+from warpsph.placement.drawing import solid, wall_surface
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.images import Edge, find_edges, find_images
 from warpsph.placement.origin import localised
@@ -24,7 +25,7 @@ from warpsph.scene.fluids import Fluid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import near
-from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box, solid, wall_surface
+from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box
 
 Wall = Sheet | Crate
 

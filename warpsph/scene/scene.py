@@ -142,10 +142,11 @@ class View(Part):
 class Output(Part):
     """What is written while the scene runs."""
 
-    frames_per_second: Rate = Field(30.0, description="Pictures and USD frames [1/s].")
+    frames_per_second: Rate = Field(30.0, description="Pictures and frames of USD and VTK [1/s].")
     samples_per_second: Rate = Field(200.0, description="Lines of the records of gauges, energy and fluids [1/s].")
     pictures: Switch = Field(True, description="Whether to draw PNG frames and an animation [-].")
     usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
+    vtk: Switch = Field(False, description="Whether to write particles for ParaView [-].")
     checkpoint_every: Duration = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
     usd_fields: Switch = Field(True, description="Whether the USD cache holds density and pressure [-].")
     usd_walls: Switch = Field(True, description="Whether a renderer sees the walls of the USD cache [-].")

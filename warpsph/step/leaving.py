@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpsph.kernels import clock as kernels
+from warpsph.kernels import clock
 from warpsph.model import Model
 from warpsph.state import State
 
@@ -68,8 +68,8 @@ class Leaving:
         """
         s, nobody = self._state, len(self._model.fluid_names)
         faults = s.particle_fault.numpy()
-        slots = np.flatnonzero(faults != int(kernels.SOUND))
-        absurd = faults[slots] != int(kernels.OUTSIDE)
+        slots = np.flatnonzero(faults != int(clock.SOUND))
+        absurd = faults[slots] != int(clock.OUTSIDE)
         dropped = self._dropped + int(absurd.sum())
         if not len(slots) or (absurd.any() and not drop_absurd):
             return False
