@@ -13,7 +13,7 @@ import re
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -109,8 +109,55 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
         one.add_argument("--threads", type=_positive, help="CPU threads (default: all cores)")
 
+    surface = command("surface", _surface, "make a mesh of the water's surface, frame by frame, in the cache of a run")
+    surface.add_argument("run", type=Path, help="run folder")
+    surface.add_argument(
+        "--threads", type=_positive, default=os.cpu_count() or 1, help="CPU threads (default: all cores)"
+    )
+
+    sweep = command(
+        "sweep", _sweep, "run a scene many times with fields varied: all combinations, or samples of ranges"
+    )
+    sweep.add_argument("file", type=Path, metavar="SCENE", help="scene file (YAML), or a name that `list` prints")
+    sweep.add_argument(
+        "--set", action="append", default=[], metavar="PATH=A,B,C", help="values of a field, or its range LOW:HIGH"
+    )
+    sweep.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+    sweep.add_argument("--samples", type=_positive, help="a Latin hypercube of so many members in the ranges")
+    sweep.add_argument("--seed", type=int, default=0, help="of the samples (default: 0)")
+    sweep.add_argument("--out", type=Path, help="folder for the members (default: runs/NAME_sweep)")
+    sweep.add_argument(
+        "--workers", type=_positive, help="members at a time; they share the cores (default: a core each)"
+    )
+    sweep.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
+    sweep.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the members, such as tcp://..."
+    )
+
+    compare = command("compare", _compare, "lay the gauges of runs over each other, with how far each is off the first")
+    compare.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folders, two or more")
+    compare.add_argument("--out", type=Path, default=Path("compare.html"), help="the page (default: compare.html)")
+
     report = command("report", _report, "write the HTML page of a run again")
     report.add_argument("run", type=Path, help="run folder")
+    screen = command(
+        "screen", _screen, "the wave of a slide by the hand formulae of VAW-Mitteilungen 254 (2019), with their limits"
+    )
+    for name, words in {
+        "speed": "of the slide's centre at the impact [m/s]",
+        "thickness": "of the slide [m]",
+        "depth": "of still water [m]",
+        "slope": "of its path [degrees]",
+        "density": "of the slide with its pores [kg/m3]",
+        "width": "of the slide, in a channel of this [m]",
+        "volume": "of the slide with its pores [m3]",
+    }.items():
+        screen.add_argument(f"--{name}", type=_above_zero, required=True, metavar="NUMBER", help=words)
+    screen.add_argument(
+        "--distance", type=_above_zero, metavar="NUMBER", help="a place to tell the wave of as well [m]"
+    )
+    screen.add_argument("--basin", action="store_true", help="waves that spread in a basin, not in a channel")
+    screen.add_argument("--angle", type=float, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin")
     command("list", _list, "name the scenes that ship with warpsph")
     command("schema", _schema, "print the JSON Schema of a scene file, for editors")
     completion = command(
@@ -154,6 +201,13 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be 1 or more, not {value}")
+    return value
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be more than 0, not {text}")
     return value
 
 
@@ -300,8 +354,9 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
     for name, gauge in facts["gauges"].items():
         lines.append(
             f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
-            f"at t = {gauge['crest time [s]']:.3f} s"
+            f"at t = {gauge['crest time [s]']:.3f} s{', still rising' if gauge.get('still rising') else ''}"
         )
+    lines += _train_lines(facts.get("wave train", {}))
     for name, impact in facts.get("impacts", {}).items():
         lines.append(
             f"  impact of {name:<5} {impact['speed [m/s]']:.3f} m/s at t = {impact['time [s]']:.3f} s, "
@@ -319,6 +374,23 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         ]
     lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
     return "\n".join(lines)
+
+
+def _train_lines(train: dict[str, Any]) -> list[str]:
+    """What a wave maker made, for the terminal."""
+    gauges, lines = train.get("gauges", {}), []
+    if isinstance(gauges, str):
+        return [f"  wave train      {gauges}"]
+    for name, gauge in gauges.items():
+        period = f", period {gauge['period [s]']:.3f} s" if "period [s]" in gauge else ""
+        share = gauge["height / asked for"]
+        lines.append(
+            f"  waves at {name:<6} height {gauge['height [m]']:.4f} m{period}, {share:.1%} of what was asked for"
+        )
+    if "reflection" in train:
+        found = train["reflection"]
+        lines.append(f"  reflection      {found['coefficient']:.1%}, by {found['gauges']}")
+    return lines
 
 
 def _check(options: argparse.Namespace) -> int:
@@ -357,6 +429,10 @@ def _check(options: argparse.Namespace) -> int:
         _print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
     if facts.viscous_stages:
         _print(f"  viscous sweeps  {facts.viscous_stages} a step")
+    if scene.wave_maker:
+        from warpsph.bodies.wave_maker import in_words
+
+        _print(f"  wave maker      {in_words(scene.wave_maker, scene.run.end_time, scene.gravity)}")
     _print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
     by = f"{launcher.threads} thread(s), by the first steps and a coarse rehearsal"
     _print(f"  time            about {_duration(seconds)} on {by}; output not counted")
@@ -420,6 +496,101 @@ def _report(options: argparse.Namespace) -> int:
         _print(write_report(options.run))
     except ReportError as error:
         return _complain(str(error), INPUT)
+    return OK
+
+
+def _surface(options: argparse.Namespace) -> int:
+    from warpsph.output.surface import SurfaceError, make_surface
+
+    folder = options.run / "usd"
+    found = []
+    try:
+        for mesh in make_surface(folder, options.threads):
+            found.append(mesh)
+            tell(f"frame {mesh.frame}, {mesh.fluid}: moved by {mesh.moved:+.3f} spacings\n", sys.stderr)
+    except SurfaceError as error:
+        return _complain(str(error), INPUT)
+    open_ones = [mesh for mesh in found if not mesh.is_closed]
+    low, high = (pick(mesh.share for mesh in found) for pick in (min, max))
+    farthest = max(abs(mesh.moved) for mesh in found)
+    shares = f"{low:.4f} to {high:.4f} of the volume of the particles"
+    _print(f"{folder / 'surface.usda'}: {shares}, for which it was moved by {farthest:.2f} spacings at most")
+    for mesh in open_ones:
+        _print(f"frame {mesh.frame}, {mesh.fluid}: is not watertight")
+    return INVALID if open_ones else OK
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    from warpsph import sweep
+    from warpsph.output.pages import PageError
+
+    file = _scene_file(options.file)
+    folder = options.out or Path("runs") / f"{file.stem}_sweep"
+    workers, threads = sweep.share_cores(options.workers, sweep.core_count())
+
+    def run(todo: Sequence[sweep.Member]) -> Iterator[sweep.Result]:
+        if options.scheduler:
+            return sweep.run_on_cluster(todo, folder, address=options.scheduler, device=options.device)
+        on = {"workers": workers, "threads": threads, "device": options.device}
+        return sweep.run_locally(file, todo, folder, **on)
+
+    try:
+        settings = sweep.read_settings(options.set)
+        if options.samples:
+            choices = sweep.latin_hypercube(settings, options.samples, options.seed)
+        else:
+            choices = sweep.product(settings)
+        members = sweep.members(file, choices, options.until)
+        if all(member.scene is None for member in members):
+            raise sweep.SweepError(members[0].refused)
+        order = {member.name: i for i, member in enumerate(members)}
+        results = []
+        for result in sweep.sweep(members, folder, run):
+            results.append(result)
+            why = f", {result.why}" if result.why else ""
+            tell(f"{len(results)} of {len(members)}: {result.member.name}: {result.outcome}{why}\n", sys.stderr)
+        results.sort(key=lambda result: order[result.member.name])
+        title = next(member.scene.title for member in members if member.scene)
+        _print(sweep.write_results(results, folder, f"{title}: a sweep"))
+    except (sweep.SweepError, PageError) as error:
+        return _complain(str(error), INPUT)
+    return OK if all(result.outcome == "done" for result in results) else INVALID
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from warpsph.compare import HEADINGS, CompareError, write_comparison
+    from warpsph.output.pages import PageError
+    from warpsph.output.plots import split_heading
+
+    if len({run.resolve() for run in options.runs}) < 2:
+        raise _InputError("compare needs two run folders or more")
+    if not options.out.absolute().parent.is_dir():
+        raise _InputError(f"{options.out}: --out needs a folder that is there")
+    try:
+        found = write_comparison(options.runs, options.out)
+    except (CompareError, PageError) as error:
+        return _complain(str(error), INPUT)
+    for row in found.rows:
+        numbers = zip(map(split_heading, HEADINGS[1:]), row[1:], strict=True)
+        told = (" ".join((name, f"{value:.4g}", unit)).strip() for (name, unit), value in numbers if value is not None)
+        _print(f"{row[0]}: {', '.join(told)}")
+    _print(options.out)
+    return OK
+
+
+def _screen(options: argparse.Namespace) -> int:
+    from warpsph.theory.impulse import Slide, in_words
+
+    if options.slope > 90.0:
+        raise _InputError(f"--slope: must be at most 90 degrees, not {options.slope:g}")
+    if options.angle and not options.basin:
+        raise _InputError("--angle goes with --basin")
+    if abs(options.angle) > 90.0:
+        raise _InputError(f"--angle: must be from -90 to 90 degrees, not {options.angle:g}")
+    names = ("speed", "thickness", "volume", "density", "slope", "width", "depth")
+    slide = Slide(**{name: getattr(options, name) for name in names})
+    for line in in_words(slide, options.distance, basin=options.basin, angle=options.angle):
+        _print(line)
     return OK
 
 

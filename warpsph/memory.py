@@ -190,6 +190,8 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle += 8.0
     if scene.bodies:
         a_particle += 8.0
+    if scene.overtopping:
+        a_particle += 52.0
     grid = box_of_cells(scene, *counts.box, counts.walls > 0, int(counts.particles))
     a_cell = 9.0 + 28.0 / 27.0 + 4.0 / 27.0
     # Entries of the list of walls: a wall point is on those of the particles in a cap of the ball around it.

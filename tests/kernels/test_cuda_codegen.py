@@ -22,6 +22,7 @@ from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.dummies import list_dummies_kernel, load_dummies_kernel, press_dummies_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.images import list_ghosts_kernel
+from warpsph.kernels.instruments import probe_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
 from warpsph.kernels.momentum import TENSILE
@@ -78,6 +79,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
+    probe_kernel: [(name,) for name in SMOOTHING],
     density_filter_kernel: [
         *((name, correction, True, CUDA_LAYOUT) for name, correction in product(SMOOTHING, ("shepard", "mls"))),
         *((name, correction, False, CUDA_LAYOUT) for name, correction in product(SMOOTHING, CORRECTION)),

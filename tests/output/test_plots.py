@@ -23,7 +23,7 @@ def test_gauges_are_drawn_with_the_amplitude_of_their_crests(tmp_path, monkeypat
     (legend,) = plots[0][0].legends
     assert [text.get_text() for text in legend.get_texts()] == ["near, crest 0.0914 m", "far, crest 0.0832 m"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "level − still level [m]")
-    assert Image.open(tmp_path / "gauges.png").size == (1350, 630)
+    assert Image.open(tmp_path / "gauges.png").size == (810, 495)
 
 
 @pytest.mark.parametrize("count", [1, 10, 11, 40])

@@ -24,17 +24,21 @@ MARK, LOCK = ".warpsph", "LOCK"
 
 # All that a run writes, by folder; its records, which are named by the user, stand in the mark.
 _OWN = {
-    "": r"scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml)\.part",
+    "": r"\.sweep|scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml)\.part",
     "checkpoints": r"\d{9,}\.(npz|part)",
     "preview": r"\.?frame\.\d{5,}\.png|\.?animation\.(mp4|gif)|gauges\.png",
-    "usd": r"\.?(scene\.usda|static\.usdc|manifest\.usda)",
-    "usd/frames": r"\.?fluid\.\d{5,}\.usdc",
+    "usd": r"\.?((scene|surface|manifest|surface_manifest)\.usda|static\.usdc)",
+    "usd/frames": r"\.?(fluid|surface)\.\d{5,}\.usdc",
     "particles": r"\.?(fluid\.\d{5,}\.vtu|particles\.pvd)",
     "gauges": "",
     "fluids": "",
     "bodies": "",
+    "probes": "",
+    "forces": "",
+    "run_up": "",
+    "overtopping": "",
 }
-_RECORD = re.compile(r"(energy|(gauges|fluids|bodies)/\w+)\.csv")
+_RECORD = re.compile(r"(energy|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
 
 
 class FolderError(Exception):

@@ -6,6 +6,7 @@ which records there are and what is drawn of them; a new kind is one line there.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,10 +29,11 @@ LINE_PALETTE = (
 INK = "#2b2f33"
 GREY = "#9aa0a6"
 TIME = "time [s]"
-# More lines than this in a plot are named below it rather than beside it.
-NAMED_BESIDE = 8
-# A plot that is as narrow as a phone is read there too.
+LINE_OF_LEGEND = 0.19  # [inch]
+# A plot that is as narrow as a phone is read there too. What surrounds its axes is fixed, as shares of the figure:
+# finding the least room for labels takes Matplotlib longer than drawing them.
 SIZE = (5.4, 3.3)  # [inch]
+AROUND = {"left": 0.165, "right": 0.955, "bottom": 0.155, "top": 0.86}
 
 Curves = Mapping[str, Mapping[str, np.ndarray]]
 
@@ -90,6 +92,29 @@ RECORDS = (
         panels=(Panel(("level",), "level − still level", since_start=True),),
     ),
     Records(
+        "Probes",
+        "probes/*.csv",
+        panels=(Panel(("pressure",)), Panel(("u",)), Panel(("w",))),
+    ),
+    Records(
+        "Forces on walls",
+        "forces/*.csv",
+        "The pressure on walls, its torque, and how high it attacks.",
+        (Panel(("force x",)), Panel(("force z",)), Panel(("torque", "torque y"), "torque"), Panel(("z",), "attack, z")),
+    ),
+    Records(
+        "Run-up",
+        "run_up/*.csv",
+        "The highest wet point along each wall.",
+        (Panel(("z",), "highest wet point, z"), Panel(("length",), "the same, along the wall")),
+    ),
+    Records(
+        "Overtopping",
+        "overtopping/*.csv",
+        "What has passed each line.",
+        (Panel(("volume",)), Panel(("discharge",))),
+    ),
+    Records(
         "Bodies",
         "bodies/*.csv",
         "Where the centre of each body goes, and the force of the fluid on it.",
@@ -129,7 +154,11 @@ def line_colors(count: int) -> list[str]:
 def new_plots(count: int, size: tuple[float, float] = (9.0, 4.2)) -> tuple[Figure, Sequence[Axes]]:
     """A figure of plots side by side in the style of all plots of records: two spines, a light grid, quiet ticks."""
     figure = Figure(figsize=size, dpi=150)
-    figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
+    is_small = count == 1 and size == SIZE
+    if is_small:
+        figure.subplots_adjust(**AROUND)
+    else:
+        figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
     plots = np.atleast_1d(figure.subplots(1, count))
     for axes in plots:
         axes.spines[["top", "right"]].set_visible(False)
@@ -148,21 +177,32 @@ def style_labels(axes: Axes) -> None:
 
 
 def name_lines(figure: Figure, axes: Axes) -> None:
-    """A legend that lies on no curve: above the plot, or below it where there are many lines."""
+    """A legend that lies on no curve: above the plot."""
     handles, names = axes.get_legend_handles_labels()
     if not names:
         return
-    is_many = len(names) > NAMED_BESIDE
+    is_free = figure.get_layout_engine() is None
+    # As wide as the figure, in letters and what stands for a line.
+    columns = max(1, min(len(names), int(48 / (5 + max(map(len, names))))))
+    rows = math.ceil(len(names) / columns)
+    if is_free:  # the legend takes its room from above, and the figure grows with it
+        width, height = figure.get_size_inches()
+        taller = max(0.0, rows - 2) * LINE_OF_LEGEND
+        figure.set_size_inches(width, height + taller)
+        edges = {name: AROUND[name] * height / (height + taller) for name in ("bottom", "top")}
+        figure.subplots_adjust(**edges)
     figure.legend(
         handles,
         names,
         frameon=False,
-        loc="outside lower center" if is_many else "outside upper center",
-        ncols=max(1, min(len(names), int(56 / (4 + max(map(len, names)))))),
-        fontsize=8 if is_many else 10,
+        loc="upper center" if is_free else "outside upper center",
+        ncols=columns,
+        fontsize=9,
         labelcolor=INK,
         handlelength=1.4,
         columnspacing=1.0,
+        borderaxespad=0.2,
+        labelspacing=0.3,
     )
 
 
@@ -202,7 +242,7 @@ def gauge_figure(
 def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO) -> None:
     """Draw the gauge records `csvs` in one panel, as `gauge_figure` does, into the PNG `out`."""
     records = {path.stem: read_record(path) for path in csvs}
-    figure, _ = gauge_figure({name: record for name, record in records.items() if len(record[TIME])})
+    figure, _ = gauge_figure({name: record for name, record in records.items() if len(record[TIME])}, size=SIZE)
     figure.savefig(out, format="png")
 
 

@@ -10,28 +10,23 @@ import json
 import math
 import re
 import shlex
-from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import jinja2
-import matplotlib
 import numpy as np
-from markupsafe import Markup, escape
-from matplotlib.figure import Figure
 
+from warpsph.output.analysis import instrument_plots
 from warpsph.output.colors import fluid_colors
 from warpsph.output.gauge_waves import describe_gauge, off_observed, read_observed
+from warpsph.output.pages import embedded, plot, render
 from warpsph.output.plots import RECORDS, SIZE, TIME, Curves, gauge_figure
 from warpsph.scene.fields import Part
 from warpsph.scene.scene import Scene, SceneError, load_scene
 
 PICTURES = 6  # frames shown, from the first to the last
 MOST_EMBEDDED = 24e6  # A film of more bytes stays a file beside the page, which would load too slowly.
-NARROW_SPACE = "\u202f"  # which does not break
 
 
 class ReportError(ValueError):
@@ -81,18 +76,16 @@ def write_report(run_dir: Path) -> Path:
     run_dir = Path(run_dir)
     facts = _read_facts(run_dir)
     scene = _scene_of(run_dir)
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.filters["told"] = told
-    template = environment.from_string(Path(__file__).with_name("report.html.jinja").read_text(encoding="utf-8"))
     page = run_dir / "report.html"
-    text = template.render(
+    text = render(
+        "report.html.jinja",
         title=str(facts.get("title", run_dir.name)),
         source=str(facts.get("source") or ""),
         outcome=" ".join(filter(None, (str(facts.get("outcome") or ""), str(facts.get("why") or "")))),
         warnings=[str(warning) for warning in facts.get("warnings") or ()],
         film=_film(run_dir, scene),
         gauges=list(_gauges(run_dir, scene)),
-        sections=list(_sections(run_dir, scene)),
+        sections=[*_sections(run_dir, scene), *_compared(run_dir, scene)],
         frames=list(_frames(run_dir, scene)),
         setup=list(_setup(run_dir, scene)) if scene else [],
         command=_command(run_dir, facts) if scene else "",
@@ -143,7 +136,7 @@ def _film(run_dir: Path, scene: Scene | None) -> Film | None:
     if path.stat().st_size > MOST_EMBEDDED:
         source = path.relative_to(run_dir).as_posix()
     else:
-        source = _embedded(path.read_bytes(), "video/mp4" if is_video else "image/gif")
+        source = embedded(path.read_bytes(), "video/mp4" if is_video else "image/gif")
     return Film(source, caption, is_video)
 
 
@@ -183,7 +176,14 @@ def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
             figures = list(kind.plots(curves, _colors(scene, curves)))
         paths = sorted(run_dir.glob(kind.files))
         links = [(path.name, path.relative_to(run_dir).as_posix()) for path in paths]
-        yield Section(kind.heading, kind.words, [(title, _plot(figure)) for title, figure in figures], links)
+        yield Section(kind.heading, kind.words, [(title, plot(figure)) for title, figure in figures], links)
+
+
+def _compared(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
+    """What probes observed elsewhere, and the spectra of made waves."""
+    plots = [(caption, plot(figure)) for caption, figure in instrument_plots(run_dir, scene)] if scene else []
+    if plots:
+        yield Section("Held against", "What was observed, or asked for.", plots, [])
 
 
 def _colors(scene: Scene | None, curves: Curves) -> dict[str, str]:
@@ -201,7 +201,7 @@ def _frames(run_dir: Path, scene: Scene | None) -> Iterator[tuple[str, str]]:
     for index in shown:
         number = int(frames[index].name.split(".")[1])
         caption = f"t = {number / scene.output.frames_per_second:.4g} s" if scene else f"Frame {number}"
-        yield caption, _embedded(frames[index].read_bytes(), "image/png")
+        yield caption, embedded(frames[index].read_bytes(), "image/png")
 
 
 def _setup(run_dir: Path, scene: Scene) -> Iterator[Group]:
@@ -313,34 +313,3 @@ def _links(run_dir: Path) -> list[tuple[str, str]]:
     """The other files of the run folder."""
     names = ("scene.yaml", "run.json", "log.txt", "usd/scene.usda", "preview/animation.mp4", "preview/animation.gif")
     return [(name, name) for name in names if (run_dir / name).exists()]
-
-
-# ------------------------------------------------------------------------------------------------------ words, pictures
-
-
-def _plot(figure: Figure) -> str:
-    picture = BytesIO()
-    # The same plot gets the same names within, and the same bytes, wherever it is drawn.
-    with matplotlib.rc_context({"svg.hashsalt": "warpsph"}):
-        figure.savefig(picture, format="svg", metadata={"Date": None})
-    return _embedded(picture.getvalue(), "image/svg+xml")
-
-
-def _embedded(data: bytes, kind: str) -> str:
-    return f"data:{kind};base64,{b64encode(data).decode()}"
-
-
-def told(value: Any) -> Markup | str:
-    """A fact as it is read: digits in groups of three, numbers to four significant digits."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return f"{value:,}".replace(",", NARROW_SPACE)
-    if isinstance(value, float):
-        text = f"{value:,.0f}" if 1e4 <= abs(value) < 1e15 else f"{value:.4g}"
-        return text.replace(",", NARROW_SPACE).replace("-", "−")
-    if isinstance(value, Mapping):
-        return Markup("<br>").join(Markup("{}: {}").format(str(key), told(part)) for key, part in value.items())
-    if isinstance(value, (list, tuple)):
-        return Markup("<br>").join(told(part) for part in value)
-    return "–" if value is None else escape(str(value))

@@ -27,7 +27,8 @@ from warpsph.output.camera import Camera
 if TYPE_CHECKING:
     from warpsph.state import Snapshot
 
-CLIP_SET = "frames"
+CLIP_SET, SURFACE_CLIPS = "frames", "surfaces"
+SURFACE_SCOPE = "/World/Surface"
 FLUID_SCOPE = "/World/Fluid"
 WALL_SCOPE = "/World/Walls"
 BODY_SCOPE = "/World/Bodies"
@@ -76,7 +77,7 @@ class DrawnBody:
 Place = tuple[np.ndarray, np.ndarray]
 
 
-def _publish(layer: Sdf.Layer, path: Path) -> None:
+def publish(layer: Sdf.Layer, path: Path) -> None:
     """Write a layer beside its place, then rename it: neither a reader nor a kill ever meets half a file."""
     partial = path.with_name(f".{path.name}")
     try:
@@ -95,7 +96,7 @@ def require_frames(folder: Path, count: int) -> None:
             raise FileNotFoundError(errno.ENOENT, "this frame of the cache is missing", str(path))
 
 
-def _off_stage(stage: Usd.Stage, suffix: str) -> Sdf.Layer:
+def off_stage(stage: Usd.Stage, suffix: str) -> Sdf.Layer:
     """A layer with the content of a stage, of the format that `suffix` names."""
     layer = Sdf.Layer.CreateAnonymous(suffix)
     layer.TransferContent(stage.GetRootLayer())
@@ -186,6 +187,32 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def new_stage(frames_per_second: float) -> Usd.Stage:
+    """A stage in memory with the units and the axes that every file of the cache states."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    stage.SetTimeCodesPerSecond(frames_per_second)
+    stage.SetFramesPerSecond(frames_per_second)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    return stage
+
+
+def name_clips(layer: Sdf.Layer, path: str, clips: str, manifest: str, assets: Sequence[str]) -> None:
+    """Name the files of frames 0, 1, ... as value clips of the prim at `path`, as the set that is called `clips`."""
+    identity = Vt.Vec2dArray.FromNumpy(np.repeat(np.arange(len(assets), dtype=float)[:, None], 2, axis=1))
+    prim = layer.GetPrimAtPath(path)
+    prim.SetInfo("clipSets", Sdf.StringListOp.CreateExplicit([clips]))
+    facts = {
+        "primPath": path,
+        "manifestAssetPath": Sdf.AssetPath(manifest),
+        "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(asset) for asset in assets]),
+        "active": identity,
+        "times": identity,
+    }
+    prim.SetInfo("clips", {clips: facts})
+
+
 class UsdCache:
     """Writes the USD cache of one run, a frame at a time.
 
@@ -261,8 +288,8 @@ class UsdCache:
         for path in {*frames.glob("fluid.*.usdc"), *unfinished} - kept:
             path.unlink()
         static, manifest = self._make_static_stage(walls), self._declare_fluids()
-        _publish(static.GetRootLayer(), self.folder / "static.usdc")
-        _publish(manifest.GetRootLayer(), self.folder / "manifest.usda")
+        publish(static.GetRootLayer(), self.folder / "static.usdc")
+        publish(manifest.GetRootLayer(), self.folder / "manifest.usda")
 
     def write(self, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
         """Write the next frame, then the root that names it.
@@ -289,7 +316,7 @@ class UsdCache:
                 layer.EraseTimeSample(attribute, frame - 1)
                 layer.SetTimeSample(attribute, frame, value)
         path = self._frame_path(frame)
-        _publish(layer, path)
+        publish(layer, path)
         self.frame_count = frame + 1
         for prim_name, (x, q) in zip(self._bodies, places, strict=True):
             x, q = x.tolist(), q.tolist()
@@ -328,16 +355,6 @@ class UsdCache:
             **of_rheology,
         }
 
-    def _new_stage(self) -> Usd.Stage:
-        """A stage in memory with the units and the axes that every file of the cache states."""
-        stage = Usd.Stage.CreateInMemory()
-        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-        stage.SetTimeCodesPerSecond(self._frames_per_second)
-        stage.SetFramesPerSecond(self._frames_per_second)
-        stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
-        return stage
-
     def _put_world(self, stage: Usd.Stage) -> None:
         """Put the world at the origin, in double precision: points are in single, which is too coarse for a map."""
         if any(self._origin):
@@ -346,7 +363,7 @@ class UsdCache:
 
     def _declare_fluids(self) -> Usd.Stage:
         """A stage that declares the fluids and what changes in them, without a value."""
-        stage = self._new_stage()
+        stage = new_stage(self._frames_per_second)
         UsdGeom.Scope.Define(stage, FLUID_SCOPE)
         for prim_name, (name, _) in self._fluids.items():
             prim = UsdGeom.Points.Define(stage, f"{FLUID_SCOPE}/{prim_name}").GetPrim()
@@ -371,7 +388,7 @@ class UsdCache:
 
     def _make_static_stage(self, walls: Mapping[str, np.ndarray]) -> Usd.Stage:
         """Walls, in 2-D as ribbons two spacings wide across the x-z plane; bodies; materials, camera and lights."""
-        stage = self._new_stage()
+        stage = new_stage(self._frames_per_second)
         UsdGeom.Scope.Define(stage, WALL_SCOPE)
         UsdGeom.Scope.Define(stage, LOOK_SCOPE)
         for prim_name, (_, color) in self._fluids.items():
@@ -422,7 +439,8 @@ class UsdCache:
         away = np.cross(eye.up, eye.right)
         wide, tall, deep = (float(np.abs(direction) @ reach) for direction in (eye.right, eye.up, away))
         camera = UsdGeom.Camera.Define(stage, CAMERA)
-        aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetVerticalApertureAttr().Get()
+        aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetHorizontalApertureAttr().Get() * 9.0 / 16.0
+        camera.CreateVerticalApertureAttr(aperture[1])
         focal = camera.GetFocalLengthAttr().Get()
         # So far off that what is nearest still fits, with a tenth of air around it.
         distance = deep + 1.1 * 2.0 * focal * max(wide / aperture[0], tall / aperture[1])
@@ -434,8 +452,10 @@ class UsdCache:
         UsdGeom.Scope.Define(stage, LIGHT_SCOPE)
         sky = UsdLux.DomeLight.Define(stage, f"{LIGHT_SCOPE}/sky")
         sky.CreateIntensityAttr(0.6)
+        sky.CreateColorAttr(Gf.Vec3f(1.0))
         sun = UsdLux.DistantLight.Define(stage, f"{LIGHT_SCOPE}/sun")
-        sun.CreateIntensityAttr(3.0)
+        sun.CreateIntensityAttr(1.0)
+        sun.CreateNormalizeAttr(True)  # the intensity is that on a surface, however small the sun's disc
         sun.CreateAngleAttr(1.0)
         UsdGeom.Xformable(sun).AddRotateXYZOp().Set(Gf.Vec3f(40.0, -20.0, 0.0))
 
@@ -444,7 +464,7 @@ class UsdCache:
         stage = self._declare_fluids()
         self._put_world(stage)
         self._set_appearance(stage)
-        return _off_stage(stage, ".usdc")
+        return off_stage(stage, ".usdc")
 
     def _make_root_layer(self) -> Sdf.Layer:
         """The root without its frames; off any stage, which would look for the other files at once."""
@@ -457,7 +477,7 @@ class UsdCache:
             xform = UsdGeom.Xform.Define(stage, f"{BODY_SCOPE}/{prim_name}")
             xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
             xform.AddOrientOp(UsdGeom.XformOp.PrecisionFloat)
-        layer = _off_stage(stage, ".usda")
+        layer = off_stage(stage, ".usda")
         layer.customLayerData = _plain(self._provenance)
         layer.startTimeCode = 0
         layer.subLayerPaths.append("./static.usdc")
@@ -475,25 +495,10 @@ class UsdCache:
 
     def _write_root(self) -> None:
         """Name the finished frames in the root."""
-        frames = range(self.frame_count)
-        identity = Vt.Vec2dArray.FromNumpy(np.repeat(np.arange(self.frame_count, dtype=float)[:, None], 2, axis=1))
-        paths = [Sdf.AssetPath(f"./frames/{_frame_name(frame)}") for frame in frames]
-        world = self._root_layer.GetPrimAtPath("/World")
-        world.SetInfo("clipSets", Sdf.StringListOp.CreateExplicit([CLIP_SET]))
-        world.SetInfo(
-            "clips",
-            {
-                CLIP_SET: {
-                    "primPath": "/World",
-                    "manifestAssetPath": Sdf.AssetPath("./manifest.usda"),
-                    "assetPaths": Sdf.AssetPathArray(paths),
-                    "active": identity,
-                    "times": identity,
-                }
-            },
-        )
+        assets = [f"./frames/{_frame_name(frame)}" for frame in range(self.frame_count)]
+        name_clips(self._root_layer, "/World", CLIP_SET, "./manifest.usda", assets)
         self._root_layer.endTimeCode = self.frame_count - 1
-        _publish(self._root_layer, self.root)
+        publish(self._root_layer, self.root)
 
     def _frame_path(self, frame: int) -> Path:
         return self.folder / "frames" / _frame_name(frame)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
+from warpsph.output.surface import enclosed_volume, is_watertight, particle_volume
 from warpsph.output.usd import (
     BODY_SCOPE,
     CAMERA,
@@ -22,7 +23,11 @@ from warpsph.output.usd import (
     FLUID_SCOPE,
     LIGHT_SCOPE,
     RHEOLOGY_PRIMVARS,
+    SURFACE_SCOPE,
 )
+
+# How far the volume that a surface encloses may be off that of its particles.
+VOLUME_ERROR = 0.03
 
 Arrays = dict[str, np.ndarray]
 
@@ -50,6 +55,7 @@ def check_cache(folder: Path) -> list[str]:
     for prim in fluids:
         problems += _fluid_problems(stage, prim)
     problems += _look_problems(stage, fluids)
+    problems += _surface_problems(Path(folder))
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     problems += [
         error.GetErrorAsString()
@@ -90,6 +96,31 @@ def _look_problems(stage: Usd.Stage, fluids: list[Usd.Prim]) -> Iterator[str]:
             yield f"{prim.GetPath()}: has no material"
         if prim.GetPath().HasPrefix(BODY_SCOPE) and prim.GetName() != prim.GetParent().GetName():
             yield f"{prim.GetPath()}: is not named as its body"
+
+
+def _surface_problems(folder: Path) -> Iterator[str]:
+    """Of the surface, where one has been made: a closed mesh that encloses its particles in every frame."""
+    root = folder / "surface.usda"
+    if not root.exists():
+        return
+    stage = Usd.Stage.Open(str(root))
+    for prim in stage.GetPrimAtPath(SURFACE_SCOPE).GetChildren():
+        mesh = UsdGeom.Mesh(prim)
+        particles = UsdGeom.Points(stage.GetPrimAtPath(f"{FLUID_SCOPE}/{prim.GetName()}"))
+        spacing = float(particles.GetWidthsAttr().Get()[0])
+        for frame in _frames(stage):
+            values = (mesh.GetPointsAttr().Get(frame), mesh.GetFaceVertexIndicesAttr().Get(frame))
+            if None in values:
+                yield f"{prim.GetPath()}, frame {frame}: the surface is missing"
+                continue
+            vertices, triangles = np.array(values[0]), np.array(values[1]).reshape(-1, 3)
+            if not is_watertight(triangles):
+                yield f"{prim.GetPath()}, frame {frame}: the surface is not watertight"
+                continue
+            volume = particle_volume(np.array(particles.GetPointsAttr().Get(frame)), spacing)
+            share = enclosed_volume(vertices, triangles) / volume
+            if abs(share - 1.0) > VOLUME_ERROR:
+                yield f"{prim.GetPath()}, frame {frame}: the surface encloses {share:.3f} of the particles' volume"
 
 
 def _clip_problems(stage: Usd.Stage) -> Iterator[str]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
 from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, contact_of, joined
 from warpsph.bodies.motion import Motion, read_table
+from warpsph.bodies.wave_maker import WaveError, paddle_motion
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.solids import Form, axis_of, form_of
 from warpsph.scene.bodies import Body as BodyField
@@ -88,7 +89,24 @@ def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
             if spot is not None:
                 raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {scene.spot(spot)}")
         solids.append(solid)
+    _refuse_no_room(scene, solids, drawn)
     return solids
+
+
+def _refuse_no_room(scene: Scene, solids: Sequence[Solid], drawn: Sequence[Array]) -> None:
+    """Raises SceneError where a wall stands in the way of a paddle behind it."""
+    if scene.wave_maker is None:
+        return
+    paddle = solids[-1]
+    back = -float(paddle.body.motion.table.shift[:, 0].min())
+    low, high = paddle.samples.min(axis=0), paddle.samples.max(axis=0)
+    for wall, points in zip(scene.walls, drawn, strict=True):
+        beside = np.all((points >= low)[:, 1:] & (points <= high)[:, 1:], axis=1) & (points[:, 2] > low[2])
+        behind = points[beside & (points[:, 0] < low[0]), 0]
+        if len(behind) and low[0] - behind.max() < back:
+            room = low[0] - behind.max()
+            words = f"its paddle goes {back:.3g} m back, and wall '{wall.name}' stands {room:.3g} m behind it"
+            raise scene.error("wave_maker", words)
 
 
 def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet | Crate], sides: Sequence[int]) -> None:
@@ -175,6 +193,8 @@ def _solid(scene: Scene, path: str, body: BodyField, room: tuple[Array, Array] |
             surface = form.dummies(scene.spacing, _support(scene))
         else:
             surface = form.surface(set_back, spacing)
+        if not len(surface.points):
+            raise ValueError(f"it is too thin for a spacing of {scene.spacing:g} m")
         free_shift, free_turn = _freedom(scene, body)
         return Solid(
             Body(
@@ -209,6 +229,11 @@ def _support(scene: Scene) -> float:
 
 def _motion(scene: Scene, path: str, motion: BodyMotion) -> Motion:
     table = None
+    if motion.kind == "waves":
+        try:
+            return paddle_motion(scene.wave_maker, scene.run.end_time, scene.gravity)
+        except WaveError as error:
+            raise scene.error(f"wave_maker.{error.field}", str(error)) from None
     if motion.file:
         try:
             rows = read_table(motion.file)

@@ -101,8 +101,8 @@ class MeshFile(Part):
     """A closed surface from a file."""
 
     file: Line = Field(
-        description="Path of the file, from the scene file's folder [-]; STL, OBJ, PLY, OFF, GLB; with meshio VTK, MSH "
-        "and more."
+        description="Path of the file, from the scene file's folder [-]; STL, OBJ, PLY, OFF, GLB; with meshio VTK, "
+        "MSH and more."
     )
     scale: Annotated[Real, Field(ge=1e-9, le=1e9)] = Field(1.0, description="Metres to a unit of the file [-].")
 

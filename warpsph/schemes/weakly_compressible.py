@@ -76,6 +76,7 @@ class WeaklyCompressible:
             self.viscosity.over(),  # the materials' own
             act("loads on bodies", walls.take_loads),
             act("kick, drift", fluid.kick),  # velocity and position to n+1, work, limits of the next step
+            act("damping zones", fluid.damp),
             act("kick, contact, drift of bodies", bodies.kick_and_drift),
             act("ghosts at the end", self._ghosts.moved),
             act("walls at the end", walls.show),
@@ -106,6 +107,7 @@ class WeaklyCompressible:
             *(Renamed(one, " ahead") for one in self._evaluation(share=1.0, weight=0.5 / reach)),
             act("loads on bodies", self._walls.take_loads),
             act("correct", fluid.correct),  # everything to n+1, work, limits of the next step
+            act("damping zones", fluid.damp),
             act("kick, contact, drift of bodies", bodies.kick_and_drift),
             act("watch", clock.bound_motion, clock.watch),
             clock,
@@ -133,7 +135,8 @@ class WeaklyCompressible:
 
     def begin(self) -> list[Stage]:
         """The rate of the first half step: without it the run would be of first order."""
-        return list(self.fluid.continuity()) if self.evaluations == 1 else []
+        # Dummies would be read as whatever memory holds.
+        return [*self._walls.press(), *self.fluid.continuity()] if self.evaluations == 1 else []
 
     def settle(self) -> list[Stage]:
         """Density that does not go on."""

@@ -218,6 +218,8 @@ def stood_back(mesh: Mesh, distance: float) -> Mesh:
 
     Raises ValueError where the mesh is too thin for that.
     """
+    if distance == 0.0:
+        return mesh
     sizes = np.linalg.norm(mesh.areas, axis=1)
     normals = mesh.areas / np.maximum(sizes, 1e-300)[:, None]
     squares, sums = np.zeros((len(mesh.vertices), 3, 3)), np.zeros((len(mesh.vertices), 3))

@@ -1,0 +1,151 @@
+"""Sweeps: which members there are, that a sweep goes on and begins anew what was killed, and its table."""
+
+import csv
+import os
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpsph import sweep
+from warpsph.cli import INPUT, INVALID, OK, main
+from warpsph.output.records import read_record
+
+TANK = """
+title: A tank
+spacing: 0.05
+materials: {water: {density: 1000.0, sound_speed: 20.0}}
+walls: [{name: tank, box: {min: [0.0, 0.0], max: [1.0, 0.6]}}]
+fluids: [{name: water, material: water, shape: {box: {min: [0.0, 0.0], max: [0.4, 0.4]}}}]
+gauges: [{name: far, x: 0.5}]
+run: {end_time: 0.25}
+output: {pictures: false, usd: false}
+"""
+
+
+@pytest.fixture
+def tank(tmp_path) -> Path:
+    path = tmp_path / "tank.yaml"
+    path.write_text(TANK)
+    return path
+
+
+def test_values_are_read_between_commas_that_are_in_no_bracket():
+    words = ["spacing=0.01, 0.02", "fluids[0].velocity=[1,0],[2,0]", "gravity=9.81"]
+    assert sweep.read_settings(words) == {
+        "spacing": ["0.01", "0.02"],
+        "fluids[0].velocity": ["[1,0]", "[2,0]"],
+        "gravity": ["9.81"],
+    }
+    for wrong in ("spacing", "=1", "spacing=1,,2"):
+        with pytest.raises(sweep.SweepError, match="PATH=VALUE"):
+            sweep.read_settings([wrong])
+
+
+def test_a_product_has_all_combinations_named_by_what_is_varied(tank):
+    choices = sweep.product(
+        {"spacing": ["0.05"], "materials.water.alpha": ["0.01", "0.02"], "gravity": ["9", "10", "11"]}
+    )
+    members = sweep.members(tank, choices)
+    assert [member.name for member in members][:2] == ["alpha=0.01,gravity=9", "alpha=0.01,gravity=10"]
+    assert len({member.name for member in members}) == 6
+    assert {(member.scene.gravity, member.scene.materials["water"].alpha) for member in members} == {
+        (gravity, alpha) for gravity in (9.0, 10.0, 11.0) for alpha in (0.01, 0.02)
+    }
+
+
+def test_a_latin_hypercube_has_one_sample_in_each_slice_of_each_range():
+    pytest.importorskip("SALib")
+    settings = {"gravity": ["9:11"], "materials.water.alpha": ["0.01:0.05"], "spacing": ["0.05"]}
+    samples = sweep.latin_hypercube(settings, 8, seed=3)
+    assert samples == sweep.latin_hypercube(settings, 8, seed=3)
+    for path, low, high in (("gravity", 9.0, 11.0), ("materials.water.alpha", 0.01, 0.05)):
+        values = np.array([float(sample[path]) for sample in samples])
+        assert sorted(np.floor((values - low) / (high - low) * 8).astype(int)) == list(range(8))
+    assert {sample["spacing"] for sample in samples} == {"0.05"}
+
+
+@pytest.mark.parametrize(
+    ("workers", "cores", "shares"), [(None, 8, (8, 1)), (2, 8, (2, 4)), (3, 8, (3, 2)), (9, 4, (4, 1))]
+)
+def test_workers_share_the_cores(workers, cores, shares):
+    assert sweep.share_cores(workers, cores) == shares
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with (folder / "sweep.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_sweep_has_a_table_tells_what_is_refused_and_goes_on(tank, tmp_path, capsys):
+    out = tmp_path / "sweep"
+    words = [
+        "sweep",
+        str(tank),
+        "--set",
+        "gravity=9.81,4",
+        "--set",
+        "spacing=0.05,-1",
+        "--out",
+        str(out),
+        "--workers",
+        "2",
+    ]
+    assert main(words) == INVALID
+    rows = rows_of(out)
+    assert [row["outcome"] for row in rows] == ["done", "refused", "done", "refused"]
+    assert "must be more than 0" in rows[1]["why"]
+    assert float(rows[0]["gravity"]) == 9.81 and rows[0]["particles"] == "64"
+    assert "far: crest [m]" in rows[0]
+    assert (out / "sweep.html").read_text().count("<figure>") == 1 + 1
+    # A second time nothing is run, and the table is the same.
+    marks = [path.stat().st_mtime_ns for path in sorted(out.glob("*/run.json"))]
+    table = (out / "sweep.csv").read_bytes()
+    assert main(words) == INVALID
+    assert "was done already" in capsys.readouterr().err
+    assert [path.stat().st_mtime_ns for path in sorted(out.glob("*/run.json"))] == marks
+    assert (out / "sweep.csv").read_bytes() == table
+    # The same bits as alone.
+    alone = tmp_path / "alone"
+    assert main(["scene", str(tank), "--set", "gravity=4", "--out", str(alone)]) == OK
+    member = out / "gravity=4,spacing=0.05"
+    assert (alone / "energy.csv").read_bytes() == (member / "energy.csv").read_bytes()
+    assert np.array_equal(*(read_record(one / "gauges/far.csv")["level [m]"] for one in (alone, member)))
+
+
+def test_a_member_that_is_killed_is_begun_anew(tank, tmp_path, monkeypatch):
+    members = sweep.members(tank, sweep.product({"gravity": ["9", "10"]}))
+    popen, killed = sweep.subprocess.Popen, []
+
+    def launch(command, **options):
+        if not killed:  # the first is killed before it has done anything
+            process = popen([sys.executable, "-c", "import time; time.sleep(60)"], **options)
+            killed.append(process.pid)
+            os.kill(process.pid, signal.SIGKILL)
+            return process
+        return popen(command, **options)
+
+    monkeypatch.setattr(sweep.subprocess, "Popen", launch)
+    found = list(sweep.run_locally(tank, members, tmp_path / "out", workers=1, threads=1, device="cpu"))
+    assert [(result.member.name, result.outcome) for result in found] == [("gravity=9", "done"), ("gravity=10", "done")]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--set", "spacing"], "PATH=VALUE"),
+        (["--set", "spacing=-1,-2"], "must be more than 0"),
+        (["--set", "nonsense=1,2"], "no such field"),
+        (["--set", "gravity=9,9.0,9"], "is a value given twice"),
+        (["--samples", "4", "--set", "gravity=9"], "needs a range"),
+        (["--samples", "4", "--set", "gravity=9:8"], "must be less"),
+        (["--scheduler", "tcp://127.0.0.1:1", "--set", "gravity=9,8"], "127.0.0.1"),
+    ],
+)
+def test_mistakes_are_one_line(tank, tmp_path, capsys, words, complaint):
+    if "--scheduler" in words:
+        pytest.importorskip("distributed")
+    assert main(["sweep", str(tank), *words, "--out", str(tmp_path / "out")]) == INPUT
+    assert complaint in capsys.readouterr().err.strip().splitlines()[-1]
