@@ -24,7 +24,7 @@ from pxr import Usd
 
 HERE = Path(__file__).resolve().parents[1]
 STOPPED = 5  # the exit code of a run that went no farther than it was told to
-QUICK = ("output.pictures=false", "output.checkpoint_every=1.0e9")
+QUICK = ("output.pictures=false", "output.checkpoint_every=1.0e8")
 
 
 def written(checkout: Path, scene: str, folder: Path, steps: int, overrides: list[str]) -> dict[str, bytes]:

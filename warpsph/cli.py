@@ -12,6 +12,7 @@ import os
 import re
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ class _InputError(Exception):
 def main(arguments: Sequence[str] | None = None, began: float | None = None) -> int:
     """Run one command. `began` is when the program started (time.perf_counter) [s]. Returns the exit code."""
     _open_closed_streams()
+    if not sys.warnoptions:  # of libraries, about nothing that a user could mend
+        warnings.simplefilter("ignore")
     options = _parser().parse_args(arguments)
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()
@@ -137,6 +140,24 @@ def _parser() -> argparse.ArgumentParser:
 
     report = command("report", _report, "write the HTML page of a run again")
     report.add_argument("run", type=Path, help="run folder")
+    screen = command(
+        "screen", _screen, "the wave of a slide by the hand formulae of VAW-Mitteilungen 254 (2019), with their limits"
+    )
+    for name, words in {
+        "speed": "of the slide's centre at the impact [m/s]",
+        "thickness": "of the slide [m]",
+        "depth": "of still water [m]",
+        "slope": "of its path [degrees]",
+        "density": "of the slide with its pores [kg/m3]",
+        "width": "of the slide, in a channel of this [m]",
+        "volume": "of the slide with its pores [m3]",
+    }.items():
+        screen.add_argument(f"--{name}", type=_above_zero, required=True, metavar="NUMBER", help=words)
+    screen.add_argument(
+        "--distance", type=_above_zero, metavar="NUMBER", help="a place to tell the wave of as well [m]"
+    )
+    screen.add_argument("--basin", action="store_true", help="waves that spread in a basin, not in a channel")
+    screen.add_argument("--angle", type=float, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin")
     command("list", _list, "name the scenes that ship with warpsph")
     command("schema", _schema, "print the JSON Schema of a scene file, for editors")
     return parser
@@ -151,6 +172,13 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be 1 or more, not {value}")
+    return value
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be more than 0, not {text}")
     return value
 
 
@@ -259,12 +287,15 @@ def _finish(run: Any) -> int:
     from warpsph.run import BLEW_UP, STOPPED
 
     facts = run.execute()
-    _print(summary(facts, run.folder))
+    told, complaint, code = summary(facts, run.folder), "", OK
     if facts["outcome"] == BLEW_UP:
-        return _complain(f"blew up: {facts['why']}", BLOWN_UP)
+        complaint, code = f"blew up: {facts['why']}", BLOWN_UP
     if facts["outcome"] == STOPPED:
-        return _complain(f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY)
-    return OK
+        complaint, code = f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY
+    with (run.folder / "log.txt").open("a", encoding="utf-8") as log:
+        log.write("\n".join(filter(None, (told, complaint))) + "\n")
+    _print(told)
+    return _complain(complaint, code) if complaint else OK
 
 
 def summary(facts: dict[str, Any], folder: Path) -> str:
@@ -294,8 +325,9 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
     for name, gauge in facts["gauges"].items():
         lines.append(
             f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
-            f"at t = {gauge['crest time [s]']:.3f} s"
+            f"at t = {gauge['crest time [s]']:.3f} s{', still rising' if gauge.get('still rising') else ''}"
         )
+    lines += _train_lines(facts.get("wave train", {}))
     for name, impact in facts.get("impacts", {}).items():
         lines.append(
             f"  impact of {name:<5} {impact['speed [m/s]']:.3f} m/s at t = {impact['time [s]']:.3f} s, "
@@ -313,6 +345,23 @@ def summary(facts: dict[str, Any], folder: Path) -> str:
         ]
     lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
     return "\n".join(lines)
+
+
+def _train_lines(train: dict[str, Any]) -> list[str]:
+    """What a wave maker made, for the terminal."""
+    gauges, lines = train.get("gauges", {}), []
+    if isinstance(gauges, str):
+        return [f"  wave train      {gauges}"]
+    for name, gauge in gauges.items():
+        period = f", period {gauge['period [s]']:.3f} s" if "period [s]" in gauge else ""
+        share = gauge["height / asked for"]
+        lines.append(
+            f"  waves at {name:<6} height {gauge['height [m]']:.4f} m{period}, {share:.1%} of what was asked for"
+        )
+    if "reflection" in train:
+        found = train["reflection"]
+        lines.append(f"  reflection      {found['coefficient']:.1%}, by {found['gauges']}")
+    return lines
 
 
 def _check(options: argparse.Namespace) -> int:
@@ -351,6 +400,10 @@ def _check(options: argparse.Namespace) -> int:
         _print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
     if facts.viscous_stages:
         _print(f"  viscous sweeps  {facts.viscous_stages} a step")
+    if scene.wave_maker:
+        from warpsph.bodies.wave_maker import in_words
+
+        _print(f"  wave maker      {in_words(scene.wave_maker, scene.run.end_time, scene.gravity)}")
     _print(f"  first dt        {facts.first_dt:.3e} s, about {facts.steps:,} steps")
     by = f"{launcher.threads} thread(s), by the first steps and a coarse rehearsal"
     _print(f"  time            about {_duration(seconds)} on {by}; output not counted")
@@ -493,6 +546,22 @@ def _compare(options: argparse.Namespace) -> int:
         told = (" ".join((name, f"{value:.4g}", unit)).strip() for (name, unit), value in numbers if value is not None)
         _print(f"{row[0]}: {', '.join(told)}")
     _print(options.out)
+    return OK
+
+
+def _screen(options: argparse.Namespace) -> int:
+    from warpsph.theory.impulse import Slide, in_words
+
+    if options.slope > 90.0:
+        raise _InputError(f"--slope: must be at most 90 degrees, not {options.slope:g}")
+    if options.angle and not options.basin:
+        raise _InputError("--angle goes with --basin")
+    if abs(options.angle) > 90.0:
+        raise _InputError(f"--angle: must be from -90 to 90 degrees, not {options.angle:g}")
+    names = ("speed", "thickness", "volume", "density", "slope", "width", "depth")
+    slide = Slide(**{name: getattr(options, name) for name in names})
+    for line in in_words(slide, options.distance, basin=options.basin, angle=options.angle):
+        _print(line)
     return OK
 
 

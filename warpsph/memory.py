@@ -14,6 +14,7 @@ from warpsph.kernels.density import BY_GRADIENT
 from warpsph.kernels.neighbours import BLOCK_EDGE
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.model import box_of_cells, has_dummies, list_capacity, wall_radius
+from warpsph.placement.drawing import solid, wall_surface
 from warpsph.placement.dummies import layer_count
 from warpsph.placement.images import find_edges
 from warpsph.placement.origin import localised
@@ -22,7 +23,7 @@ from warpsph.rheology import viscous
 from warpsph.scene.scene import Scene, wants_lists
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
-from warpsph.shapes.surface import Crate, Sheet, solid, wall_surface
+from warpsph.shapes.surface import Crate, Sheet
 from warpsph.step.bodies import MOST_MOTION
 
 # Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].
@@ -189,6 +190,8 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle += 8.0
     if scene.bodies:
         a_particle += 8.0
+    if scene.overtopping:
+        a_particle += 52.0
     grid = box_of_cells(scene, *counts.box, counts.walls > 0, int(counts.particles))
     a_cell = 9.0 + 28.0 / 27.0 + 4.0 / 27.0
     # Entries of the list of walls: a wall point is on those of the particles in a cap of the ball around it.
@@ -227,7 +230,7 @@ def _placing(scene: Scene, counts: Counts) -> float:
 
 def _outputs(scene: Scene, counts: Counts) -> float:
     """Bytes of a snapshot, and of what it takes besides to take it or to make a frame of it: about as much."""
-    if not (scene.output.pictures or scene.output.usd):
+    if not (scene.output.pictures or scene.output.usd or scene.output.vtk):
         return 0.0
     return 124.0 * counts.particles
 

@@ -1,5 +1,7 @@
 """Model: everything about a run that does not change from step to step."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -7,12 +9,14 @@ import warp as wp
 
 from warpsph.device.cells import Cells, cell_grid
 from warpsph.device.launch import Launcher
+from warpsph.kernels.damping import Zones
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.neighbours import BLOCK_EDGE, CellGrid, mark_walls
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import Formulas
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.kernels.walls import BY_LEG
+from warpsph.placement.damping import damping_zones
 from warpsph.placement.images import Edge, Image, find_images, image_struct
 from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
@@ -45,6 +49,8 @@ class Model:
         top: Height of the highest particle at the start [m].
         ground: Height of the lowest point of the walls [m].
         viscous: The materials' own viscosities; None where there are none.
+        sides: Side of each wall on which the fluid is, as `wet_side`.
+        zones: Damping zones as kernels read them; None where there are none.
         grid: Cells over the scene.
         images: Mirrors and periodic edges as kernels read them; None where there are none.
         edges, seen_images: The same on the host, as `find_images` gives them.
@@ -70,6 +76,7 @@ class Model:
         density = hydrostatic_density(materials, placement, scene.gravity)
         self._initial: Initial | None = (placement.position, placement.velocity, density, placement.fluid)
         self.top, self.ground = float(placement.position[:, 2].max()), placement.ground
+        self.sides = placement.sides
         self.fluid_names = [fluid.name for fluid in scene.fluids]
         self.spacing = scene.spacing
         self.support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
@@ -95,6 +102,7 @@ class Model:
         )
         self.parameters = self._parameters(scene, placement, materials, capacity)
         self.viscous = viscous(scene, device)
+        self.zones = _zones(scene, device)
         lower, upper = around(placement.wall_position, placement.dummies.position, placement.position)
         self.images, self.edges, self.seen_images = None, list[Edge](), list[Image]()
         if scene.images:
@@ -172,7 +180,25 @@ class Model:
         They are had once: on the device they are needed, here they would only take memory.
         """
         initial, self._initial = self._initial, None
+        assert initial is not None, "it has been taken"
         return initial
+
+
+def _zones(scene: Scene, device: wp.Device) -> Zones | None:
+    """The damping zones as kernels read them; None where there are none."""
+    zones = damping_zones(scene)
+    if not zones:
+        return None
+    struct = Zones()
+    struct.count = len(zones)
+    columns = {"begin": [], "length": [], "rate": []}
+    for zone in zones:
+        columns["begin"].append(zone.begin)
+        columns["length"].append(zone.end - zone.begin)
+        columns["rate"].append(zone.rate)
+    for name, values in columns.items():
+        setattr(struct, name, wp.array(np.array(values, dtype=np.float32), device=device))
+    return struct
 
 
 def list_capacity(scene: Scene) -> tuple[int, float]:

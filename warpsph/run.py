@@ -20,13 +20,15 @@ import yaml
 
 import warpsph
 from warpsph.measure.energy import drift_and_converted
+from warpsph.measure.instruments import columns as instrument_columns
 from warpsph.measure.leaks import behind_walls
 from warpsph.measure.waves import celerity, find_impact, find_wave
+from warpsph.output.analysis import analysis
 from warpsph.output.checkpoint import CheckpointError, differences, find_checkpoint, read_checkpoint, write_checkpoint
 from warpsph.output.claim import FolderError, Lock, Mark, clear, digest, read_json, refuse_foreign, write_whole
 from warpsph.output.gauge_waves import read_observed
 from warpsph.output.progress import Progress, tell
-from warpsph.output.records import TIME_ROUNDING, Record, find_crest, last_time, read_record
+from warpsph.output.records import TIME_ROUNDING, Record, find_crest, is_rising, last_time, read_record
 from warpsph.output.writers import Outputs
 from warpsph.scene.scene import Scene
 from warpsph.simulation import BlowUpError, Simulation
@@ -133,7 +135,7 @@ class Run:
         Mark.of(self._yaml, (f"{name}.csv" for name in columns)).write(folder)
         self._sessions = read_json(folder / "run.json").get("sessions", []) if resume else []
         self._checkpoint_step, self._is_written = -1, True
-        for name in ("gauges", "fluids", "checkpoints", *(["bodies"] if scene.bodies else [])):
+        for name in {"gauges", "fluids", "checkpoints", *(Path(path).parent for path in columns)}:
             (folder / name).mkdir(parents=True, exist_ok=True)
         (folder / "STOP").unlink(missing_ok=True)
         write_whole(folder / "scene.yaml", self._yaml)
@@ -270,6 +272,8 @@ class Run:
                     self._records[f"bodies/{name}"].write(now, row)
             for name, level in zip(simulation.gauges.names, simulation.gauges.levels(), strict=True):
                 self._records[f"gauges/{name}"].write(now, [level])
+            for name, row in simulation.instruments.rows(now):
+                self._records[name].write(now, row)
             for name, motion in zip(simulation.model.fluid_names, motions, strict=True):
                 (x, _, z), (u, _, w) = motion.center, motion.velocity
                 self._records[f"fluids/{name}"].write(now, [x, z, u, w, motion.front, motion.top_speed])
@@ -326,6 +330,7 @@ class Run:
             "conservation": self._conservation(),
             "gauges": self._crests(),
             **self._impacts(),
+            **analysis(scene, self.folder),
             "warnings": list(simulation.start.warnings),
         }
 
@@ -413,7 +418,7 @@ class Run:
                 waves[name].setdefault("celerity [m/s]", waves[next_name]["celerity [m/s]"])
         return {"impacts": impacts, "waves": waves} if impacts else {}
 
-    def _crests(self) -> dict[str, dict[str, float]]:
+    def _crests(self) -> dict[str, dict[str, Any]]:
         found = {}
         for gauge in self.scene.gauges:
             time, level = read_record(self.folder / "gauges" / f"{gauge.name}.csv").values()
@@ -424,6 +429,7 @@ class Run:
                     "still level [m]": float(level[0]),
                     "crest amplitude [m]": amplitude,
                     "crest time [s]": at,
+                    **({"still rising": True} if is_rising(time, level) else {}),
                 }
         return found
 
@@ -472,6 +478,7 @@ def _columns(scene: Scene) -> dict[str, Sequence[str]]:
         "energy": [f"{name} {unit}" for name in energies],
         "left": ["id", "fluid", "x [m]", "y [m]", "z [m]", "u [m/s]", "v [m/s]", "w [m/s]", "dropped"],
         **{f"gauges/{gauge.name}": ["level [m]"] for gauge in scene.gauges},
+        **instrument_columns(scene),
         **{f"fluids/{fluid.name}": motion for fluid in scene.fluids},
         **{f"bodies/{body.name}": body_columns(scene.dimensions) for body in scene.bodies},
     }
@@ -523,6 +530,7 @@ def _refuse_unsound(scene: Scene, folder: Path) -> Scene:
 def _files_of(scene: Scene) -> str:
     """What the files hold that a scene names, as one more field of its YAML: their digests by their paths."""
     parts = [part for body in scene.bodies for part in (body.shape.mesh, body.motion) if part is not None]
+    parts += [scene.wave_maker] if scene.wave_maker else []
     paths = [Path(part.file) for part in parts if getattr(part, "file", None)]
     known = {str(path): digest(path.read_bytes())[:12] if path.is_file() else "absent" for path in paths}
     return yaml.safe_dump({"files": known}) if known else ""

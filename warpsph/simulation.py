@@ -8,6 +8,7 @@ from warpsph.device.launch import Launcher
 from warpsph.kernels import clock
 from warpsph.measure.energy import Energy
 from warpsph.measure.gauges import Gauges
+from warpsph.measure.instruments import Instruments
 from warpsph.memory import counts_of, refuse_too_big, rough_counts, with_neighbours
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
 from warpsph.placement.origin import localised
@@ -89,7 +90,9 @@ class Simulation:
         self.bodies = Coupling(self.model, self.state, self.start) if scene.bodies else None
         scheme = WeaklyCompressible(self.model, self.state, self.bodies)
         self.step = Step(self.model, self.state, scheme, self.bodies)
-        self.gauges = Gauges(self.model, self.state, self.step.neighbours)
+        read = (self.model, self.state, self.step.neighbours)
+        self.gauges = Gauges(*read)
+        self.instruments = Instruments(*read, self.bodies)
         self.energy = Energy(self.model, self.state)
         self.leaving = Leaving(self.model, self.state, self.start.box)
         self.enter_phase()
@@ -126,7 +129,7 @@ class Simulation:
     def kept(self) -> dict[str, wp.array]:
         """The arrays that a checkpoint keeps, by name."""
         arrays = {name: getattr(self.state, name) for name in self.state.kept_names}
-        return arrays | (self.bodies.kept() if self.bodies else {})
+        return arrays | (self.bodies.kept() if self.bodies else {}) | self.instruments.kept()
 
     def advance(self, time: float) -> None:
         """Step until `time` [s], exactly; what outputs show besides the state is of that time then.

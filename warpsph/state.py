@@ -84,6 +84,23 @@ class State:
     # What a checkpoint keeps besides: with the place where particles were listed, a resumed run sums in the same order.
     KEPT = ("time", "dt", "dt_limit", "step", "stale", "listed_position", "work", "energy_gone")
 
+    # The clock, arrays of one entry: see CLOCK.
+    time: wp.array
+    target: wp.array
+    dt: wp.array
+    dt_limit: wp.array
+    step: wp.array
+    last_step: wp.array
+    stale: wp.array
+    running: wp.array
+    fault: wp.array
+    fault_slot: wp.array
+    # Fields of a scheme that rooms of a step know by name.
+    acceleration: wp.array
+    density_rate: wp.array
+    last_diffusion_rate: wp.array
+    xsph_velocity: wp.array
+
     def __init__(self, model: Model, fields: Mapping[str, type]) -> None:
         """`fields` are those of the scheme, by name; they begin at 0."""
         self.model = model

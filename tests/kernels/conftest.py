@@ -10,7 +10,8 @@ import pytest
 import warp as wp
 
 from warpsph.bodies.body import Body
-from warpsph.bodies.body_set import BodySet, ContactLeg, ContactPoints, rotation
+from warpsph.bodies.body_set import BodySet, rotation
+from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints
 from warpsph.device.launch import Launcher
 from warpsph.kernels.blocks import Blocks
 from warpsph.kernels.density import pressure_gradient_kernel

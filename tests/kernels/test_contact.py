@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
-from warpsph.bodies.body_set import contact_depth, contact_legs, contact_points
+from warpsph.bodies.contact_geometry import contact_depth, contact_legs, contact_points
 from warpsph.shapes.outline import Bend, Line, Outline, box_outline, polygon_outline
 from warpsph.shapes.points import turned
 from warpsph.shapes.sampling import surface_of_outline

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from warpsph.bodies.body import Body
-from warpsph.bodies.body_set import contact_depth, contact_legs, corners_at, edges_at, facet_legs, joined, rotation
+from warpsph.bodies.body_set import rotation
+from warpsph.bodies.contact_geometry import contact_depth, contact_legs, corners_at, edges_at, facet_legs, joined
 from warpsph.bodies.facets import crate_facets, facets, sheet_edges
 from warpsph.shapes.mesh import Mesh, box_mesh, solid_mass, solid_mesh, sphere_mesh, winding_number
 from warpsph.shapes.outline import Line, Outline

@@ -7,7 +7,9 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import product
+from zlib import crc32
 
 import pytest
 import warp as wp
@@ -20,6 +22,7 @@ from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
 from warpsph.kernels.dummies import list_dummies_kernel, load_dummies_kernel, press_dummies_kernel
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.images import list_ghosts_kernel
+from warpsph.kernels.instruments import probe_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
 from warpsph.kernels.momentum import TENSILE
@@ -76,6 +79,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     cover_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     shifting_kernel: [(formulas, CUDA_LAYOUT) for formulas in FORMULAS],
     volume_fraction_kernel: [(name,) for name in SMOOTHING],
+    probe_kernel: [(name,) for name in SMOOTHING],
     density_filter_kernel: [
         *((name, correction, True, CUDA_LAYOUT) for name, correction in product(SMOOTHING, ("shepard", "mls"))),
         *((name, correction, False, CUDA_LAYOUT) for name, correction in product(SMOOTHING, CORRECTION)),
@@ -128,7 +132,27 @@ def compiled(module: object, folder) -> dict[int, str]:
 def assert_holds(ptx: dict[int, str], kernel: wp.Kernel) -> None:
     for arch, text in ptx.items():
         assert f".target sm_{arch}" in text
-        assert any(".entry" in line and f"{kernel.key}_" in line for line in text.splitlines()), kernel.key
+        assert any(".entry" in line and kernel.get_mangled_name() in line for line in text.splitlines()), kernel.key
+
+
+@pytest.fixture(scope="module")
+def ptx_of(tmp_path_factory) -> Callable[[Callable[..., wp.Kernel], wp.Kernel], dict[int, str]]:
+    """A function that gives the PTX of a kernel of a factory, among others of that factory: those with the same options
+    are compiled at once, for most of the time goes into what is the same for all of them, Warp's own headers."""
+
+    @cache
+    def together(factory: Callable[..., wp.Kernel], options: str) -> dict[int, str]:
+        kernels = [
+            kernel for kernel in (factory(*c) for c in FACTORIES[factory]) if str(kernel.module.options) == options
+        ]
+        module = wp.get_module(f"{factory.__name__}_{crc32(options.encode()):08x}")
+        module.options.update(kernels[0].module.options)
+        # A module forgets kernels that nobody holds.
+        held = [wp.Kernel(one.func, key=one.key, module=module, options=one.options) for one in kernels]
+        assert len(held) == len(kernels)
+        return compiled(module, tmp_path_factory.mktemp(factory.__name__))
+
+    return lambda factory, kernel: together(factory, str(kernel.module.options))
 
 
 def test_every_factory_is_known():
@@ -147,9 +171,9 @@ def test_kernels_of_a_module(tmp_path, name):
     [(factory, choice) for factory, choices in FACTORIES.items() for choice in choices],
     ids=lambda value: "-".join(map(str, value)) if isinstance(value, tuple) else value.__name__,
 )
-def test_kernels_of_a_factory(tmp_path, factory, formulas):
+def test_kernels_of_a_factory(ptx_of, factory, formulas):
     kernel = factory(*formulas)
-    assert_holds(compiled(kernel.module, tmp_path), kernel)
+    assert_holds(ptx_of(factory, kernel), kernel)
 
 
 # What a neighbour is read by: (x, y, z, V) and (u, v, w, p), 16 bytes each.
@@ -166,14 +190,22 @@ def pair_loops() -> list[tuple[Formulas, bool]]:
     return list(product(formulas, (True, False)))
 
 
-def pair_loop_ptx(folder, formulas: Formulas, momentum: bool) -> str:
-    return compiled(rates_kernel(formulas, CUDA_LAYOUT, momentum, not momentum).module, folder)[90].rstrip("\0")
+@pytest.fixture(scope="module")
+def pair_loop_ptx(tmp_path_factory) -> Callable[[Formulas, bool], str]:
+    """A function that gives the PTX of one pair loop alone."""
+
+    @cache
+    def ptx(formulas: Formulas, momentum: bool) -> str:
+        kernel = rates_kernel(formulas, CUDA_LAYOUT, momentum, not momentum)
+        return compiled(kernel.module, tmp_path_factory.mktemp("pair_loop"))[90].rstrip("\0")
+
+    return ptx
 
 
 @pytest.mark.parametrize(("formulas", "momentum"), pair_loops())
-def test_a_neighbour_is_two_loads_of_16_bytes(tmp_path, formulas, momentum):
+def test_a_neighbour_is_two_loads_of_16_bytes(pair_loop_ptx, formulas, momentum):
     """Once for the particle itself, and once or, where the loop is unrolled, several times for a neighbour."""
-    lines = pair_loop_ptx(tmp_path, formulas, momentum).splitlines()
+    lines = pair_loop_ptx(formulas, momentum).splitlines()
     vectors = sum("ld.global.nc.v4.f32" in line for line in lines)
     assert vectors >= 2 * NEIGHBOUR_LOADS and vectors % NEIGHBOUR_LOADS == 0
     # Numbers of the fluid, before the loop.
@@ -182,12 +214,12 @@ def test_a_neighbour_is_two_loads_of_16_bytes(tmp_path, formulas, momentum):
 
 @pytest.mark.skipif(shutil.which("ptxas") is None, reason="there is no ptxas on the path")
 @pytest.mark.parametrize(("formulas", "momentum"), pair_loops())
-def test_registers_leave_room_for_half_of_the_threads(tmp_path, formulas, momentum):
+def test_registers_leave_room_for_half_of_the_threads(tmp_path, pair_loop_ptx, formulas, momentum):
     path = tmp_path / "pair_loop.ptx"
     # An older ptxas knows all that is in it, but not its version: CUDA 13.0 has PTX 9.0.
     release = subprocess.run(["ptxas", "--version"], capture_output=True, text=True, check=True).stdout
     major, minor = map(int, re.search(r"release (\d+)\.(\d+)", release).groups())
-    ptx = pair_loop_ptx(tmp_path, formulas, momentum)
+    ptx = pair_loop_ptx(formulas, momentum)
     path.write_text(re.sub(r"\.version \d+\.\d+", f".version {major - 4}.{minor}", ptx))
     command = ["ptxas", "-arch=sm_90", "-v", str(path), "-o", str(tmp_path / "cubin")]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stderr

@@ -141,3 +141,39 @@ run: {end_time: 1.0}
 def test_gauges_in_space_stand_at_their_y(make_scene, device):
     simulation = Simulation(make_scene(BOX), device)
     assert simulation.gauges.levels() == pytest.approx([0.2, 0.3], abs=TOLERANCE * SPACING)
+
+
+HILLS = """
+title: A pool between hills, under a lid
+spacing: 0.02
+materials: {water: {density: 1000.0, sound_speed: 40.0}}
+wall_model: {force: dummy_particles}
+walls:
+  - {name: tank, path: [[0.0, 0.6], [0.0, 0.0], [0.6, 0.0], [1.2, 0.3], [1.2, 0.6]], closed: true}
+  - {name: sill, box: {min: [0.2, 0.0], max: [0.34, 0.14]}}
+fluids: [{name: water, material: water, fill: {level: 0.1, above: tank}}]
+gauges: [{name: slope, x: 1.0}, {name: sill, x: 0.27}, {name: pool, x: 0.5}]
+run: {end_time: 1.0}
+"""
+
+
+def test_a_dry_gauge_reads_the_bed_below_it(make_scene, device):
+    """Not the lowest wall, and not the lid."""
+    simulation = Simulation(make_scene(HILLS), device)
+    assert simulation.gauges.levels() == pytest.approx([0.2, 0.14, 0.1], abs=TOLERANCE * SPACING)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.001, 0.004, 0.01, 0.02, 0.4])
+def test_the_level_beside_a_wall(make_scene, device, x):
+    """What of the kernel lies in the wall cannot be filled."""
+    simulation = Simulation(
+        make_scene(POOL, "fluids[0].fill={level: 0.4, above: tank}", f"gauges=[{{name: a, x: {x}}}]")
+    )
+    assert simulation.gauges.levels() == pytest.approx([0.4], abs=TOLERANCE * SPACING)
+
+
+def test_water_is_seen_however_high_it_gets(make_scene, device):
+    """The block rises from 0.4 m to more than twice that."""
+    simulation = Simulation(make_scene(BLOCK, "fluids[0].velocity=[0.0, 5.0]"), device)
+    simulation.advance(0.16)
+    assert simulation.gauges.levels() == pytest.approx([0.4 + 5.0 * 0.16], abs=TOLERANCE * SPACING)

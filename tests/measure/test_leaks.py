@@ -68,3 +68,20 @@ def test_fluid_at_rest_is_in_front(device):
     assert not behind_walls(simulation.model, simulation.state.position).any()
     below = simulation.state.position.numpy() - [0.0, 0.0, 0.4]
     assert behind_walls(simulation.model, below).all()
+
+
+def test_walls_of_dummy_particles_have_a_surface_too(make_scene, device):
+    """Their points are behind it: what is nearer to them than to the fluid is behind the wall, and nothing else."""
+    text = """
+title: A tank
+spacing: 0.02
+materials: {water: {density: 1000.0, sound_speed: 20.0}}
+wall_model: {force: dummy_particles}
+walls: [{name: tank, path: [[0.0, 0.4], [0.0, 0.0], [0.6, 0.0], [0.6, 0.4]]}]
+fluids: [{name: water, material: water, fill: {level: 0.2, above: tank}}]
+run: {end_time: 1.0}
+"""
+    simulation = Simulation(make_scene(text), device)
+    assert not behind_walls(simulation.model, simulation.state.position).any()
+    places = [[0.3, 0.0, -0.001], [0.3, 0.0, 0.001], [-0.05, 0.0, 0.1], [0.601, 0.0, 0.3], [0.3, 0.0, 2.0]]
+    np.testing.assert_array_equal(behind_walls(simulation.model, places), [True, False, True, True, False])

@@ -40,7 +40,7 @@ walls: [{name: tank, box: {min: [0.0, 0.0], max: [2.0, 0.5]}}]
 fluids:
   - {name: slide, material: rock, shape: {box: {min: [0.1, 0.2], max: [0.2, 0.3]}}}
   - {name: water, material: water, fill: {level: 0.15, above: tank}}
-gauges: [{name: g17, x: 1.4, observed: seen.csv}]
+gauges: [{name: g17, x: 1.4, observed: {file: seen.csv, columns: [time, level]}}]
 run: {end_time: 1.0}
 """
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from warpsph.placement.drawing import wall_surface
 from warpsph.placement.dummies import place_dummies
 from warpsph.scene.source import SceneError
 from warpsph.shapes.points import near
-from warpsph.shapes.surface import wall_surface
 
 DX = 0.05
 FAR = np.array([[100.0, 0.0, 100.0]])  # fluid out of the way

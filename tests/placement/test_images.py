@@ -78,7 +78,7 @@ def accelerations(simulation: Simulation) -> np.ndarray:
     """By pressure and by viscosity, in id order [m/s2]."""
     state = simulation.state
     simulation.step._pack()
-    simulation.step._sweep()()
+    simulation.step.scheme.fluid.sweep()[0]()
     order = np.argsort(state.id.numpy())
     return (state.pressure_acceleration.numpy() + state.dissipative_acceleration.numpy())[order]
 
@@ -186,7 +186,7 @@ def test_no_pair_is_missing(make_scene, device, parts):
         apart = np.linalg.norm(x[:, None] - seen[None], axis=2)
         near = ((apart < model.support) & (apart > 0.0)).sum(axis=1)
         listed = simulation.step.neighbours
-        count, entries, packed = listed.count.numpy(), listed.rows(), state.position_volume.numpy()
+        count, entries, packed = listed.neighbour_count.numpy(), listed.rows(), state.position_volume.numpy()
         for i in range(model.particle_count):
             mine = entries[i, : count[i]]
             there = np.linalg.norm(x[i] - packed[mine, :3], axis=1)

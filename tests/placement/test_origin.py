@@ -219,7 +219,7 @@ def test_outputs_are_on_the_map(tmp_path, device):
     frame = Usd.Stage.Open(str(tmp_path / "there" / "usd" / "frames" / "fluid.00000.usdc"))
     alone = UsdGeom.Xformable(frame.GetPrimAtPath("/World/Fluid/water")).ComputeLocalToWorldTransform(0)
     assert alone.ExtractTranslation() == Gf.Vec3d(EAST, 0.0, UP)
-    axes = runs["there"]._outputs._pictures._figure.axes[0]
+    axes = runs["there"]._outputs._writers[0]._drawer._figure.axes[0]
     assert axes.get_xlim() == pytest.approx((EAST - 0.4, EAST + 1.1), abs=1e-9)
     assert axes.get_ylim() == pytest.approx((UP - 0.1, UP + 0.5), abs=1e-9)
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
+from warpsph.placement.drawing import wall_outline
 from warpsph.placement.place import drop_height, near, place
 from warpsph.scene.scene import Scene, SceneError, load_scene
-from warpsph.shapes.outline import Bend, Line, Outline, wall_outline
+from warpsph.shapes.outline import Bend, Line, Outline
 from warpsph.shapes.surface import contains
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))

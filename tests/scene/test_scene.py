@@ -748,10 +748,14 @@ def test_the_manual_names_every_field():
 
 
 def test_the_scenes_of_the_manual_load(load):
-    plane, space, walls, images, bodies = re.findall(r"```yaml\n(.*?)```", MANUAL, re.DOTALL)
+    plane, space, walls, images, bodies, waves, instruments = re.findall(r"```yaml\n(.*?)```", MANUAL, re.DOTALL)
     assert len(place(load(plane)).position) == 50 * 15
     assert [image.name for image in load(plane + images).images] == ["bed", "along"]
     assert [solid.body.name for solid in place(load(plane + bodies)).solids] == ["crate", "paddle"]
+    flume = re.sub(r"walls:\n.*\nfluids:\n.*\n", waves, plane)
+    assert load(flume).bodies[-1].name == "paddle" and load(flume).damping_zones[0].name == "sponge"
+    measured = plane + bodies.replace("crate", "box") + instruments.replace("flume", "tank")
+    assert [load(measured).probes[1].body, load(measured).run_up[0].wall] == ["box", "tank"]
     assert len(place(load(space)).position) == 25 * 10 * 10
     flume = re.sub(r"walls:\n.*\n", walls, space).replace("above: tank", "above: flume")
     placement = place(load(flume))

@@ -102,7 +102,7 @@ def test_walls_take_the_momentum_that_fluid_loses(make_scene, device):
     # The state as forces find it: positions, pressures and dummies as they are now.
     simulation.step._pack()
     simulation.step.neighbours.dummies.press()
-    simulation.step._sweep(continuity=False)()
+    simulation.step.scheme.fluid.sweep(continuity=False)[0]()
     packed = np.concatenate(
         [array.numpy()[:, :4] for array in (state.position_volume, state.velocity_pressure)], axis=1
     )
@@ -126,7 +126,7 @@ def test_fluid_slips_unless_its_material_rubs(make_scene, device):
         scene = make_scene(TANK, f"materials.water.wall_alpha={wall_alpha}", "fluids[0].velocity=[0.5, 0.0]")
         simulation = Simulation(scene, device)
         simulation.step.neighbours.dummies.press()
-        simulation.step._sweep(continuity=False)()
+        simulation.step.scheme.fluid.sweep(continuity=False)[0]()
         x = simulation.state.position.numpy()
         dissipative = simulation.state.dissipative_acceleration.numpy()
         middle = (x[:, 0] > 0.06) & (x[:, 0] < 0.14)
@@ -199,7 +199,7 @@ def test_the_loads_on_bodies_are_what_they_do_to_the_fluid(make_scene, device):
     step._pack()
     dummies = step.neighbours.dummies
     dummies.press()
-    step._sweep(continuity=False)()
+    step.scheme.fluid.sweep(continuity=False)[0]()
     dummies.take_loads()()
     x = state.position.numpy()
     m = simulation.model.parameters.mass.numpy()[0]
@@ -256,3 +256,21 @@ def test_a_paddle_makes_the_wave_that_it_should(make_scene, device):
         x = simulation.state.position.numpy()
         assert (x[:, 0] - face).min() > -0.1 * 0.02
     assert fastest(simulation) < 1.0
+
+
+def test_fluid_that_moves_from_the_start_beside_dummies(make_scene, device):
+    """The first rate of density is that of the flow: none in one that moves as a whole along a flume."""
+    text = """
+title: A stream in a flume
+spacing: 0.02
+xsph: 0.0
+materials: {water: {density: 1000.0, sound_speed: 20.0}}
+wall_model: {force: dummy_particles}
+walls: [{name: flume, path: [[-0.6, 0.5], [-0.6, 0.0], [1.6, 0.0], [1.6, 0.5]]}]
+fluids: [{name: water, material: water, velocity: [0.1, 0.0], fill: {level: 0.2, above: flume, between: [0.0, 1.0]}}]
+run: {end_time: 4.0}
+"""
+    simulation = Simulation(make_scene(text), device)
+    assert np.abs(simulation.state.density_rate.numpy()).max() < 0.1 * 1000.0 / 0.02  # a tenth of rho u / dx
+    simulation.advance(0.002)
+    assert np.abs(simulation.state.density.numpy() / 1000.0 - 1.0).max() < 0.01

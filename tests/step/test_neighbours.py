@@ -27,8 +27,8 @@ run: {end_time: 1.0}
 
 def rates(simulation: Simulation) -> dict[str, np.ndarray]:
     """What both halves of the pair loop give, one after the other."""
-    simulation.step._sweep(continuity=False)()
-    simulation.step._sweep(momentum=False)()
+    simulation.step.scheme.fluid.sweep(continuity=False)[0]()
+    simulation.step.scheme.fluid.sweep(momentum=False)[0]()
     return {name: getattr(simulation.state, name).numpy() for name in SWEPT}
 
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
 from warpsph.bodies.body import Body
-from warpsph.bodies.facets import Edge, Face, Facets, facets
+from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, corners_at, joined, touching
 from warpsph.bodies.motion import KINDS, Table
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
 from warpsph.kernels import contact as contact_kernels
-from warpsph.shapes.outline import Bend, Line, Outline, counter_clockwise, reversed_outline
-from warpsph.shapes.points import Array, spatial
+from warpsph.kernels import contact_solver
+from warpsph.shapes.points import Array
 from warpsph.shapes.sampling import Surface
 from warpsph.shapes.section import MassProperties
 
@@ -31,153 +31,6 @@ TOLERANCE = 1e-12
 TILT = 1e-3
 # Speeds below which a contact sticks, and not more than which a bounce is none [m/s].
 STILL, CREEP = 1e-4, 1e-2
-
-
-@dataclass(frozen=True)
-class ContactLeg:
-    """One leg of a surface as contact sees it, its free side on the left; fields as in kernels/contact.py."""
-
-    kind: int
-    origin: Array
-    along: Array
-    normal: Array
-    radius: float = 0.0
-    length: float = math.inf
-    start: tuple[float, float] = (0.0, 0.0)
-    end: tuple[float, float] = (0.0, 0.0)
-    center: Array = (0.0, 0.0, 0.0)
-    reach: float = math.inf
-    width: tuple[float, float] = (-math.inf, math.inf)
-    into: Array = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    face: Face | None = None
-
-
-def contact_legs(
-    outline: Outline, side: int, depth: float, width: tuple[float, float] = (-math.inf, math.inf)
-) -> list[ContactLeg]:
-    """The legs of an outline whose free side is on the left (`side` 1) or on the right (-1) of the way along.
-
-    At a corner that points out of the solid a point inside belongs to the nearer leg: the corner is shared along its
-    bisector. At one that points into it legs reach `depth` [m] into each other, so that none slips in between.
-    `width` is how far they reach across, from y to y [m].
-    """
-    outline = outline if side > 0 else reversed_outline(outline)
-    count = len(outline.legs)
-    ends = []
-    for i in range(count):
-        j = (i + 1) % count
-        is_joint = j > i or outline.closed
-        ends.append(_joint(outline.legs[i], outline.legs[j], depth) if is_joint else (0.0, 0.0))
-    found = []
-    for i, leg in enumerate(outline.legs):
-        start = ends[i - 1] if i > 0 or outline.closed else (0.0, 0.0)
-        if isinstance(leg, Line):
-            normal = leg.normals(np.zeros(1))[0]
-            numbers = {"kind": int(contact_kernels.LINE), "origin": spatial(leg.start), "normal": spatial(normal)}
-            numbers |= {"along": spatial((leg.end - leg.start) / leg.length)}
-            middle, reach = 0.5 * (leg.start + leg.end), 0.5 * leg.length
-        else:
-            half = leg.points(np.array([0.5]))[0]
-            inside = -math.copysign(1.0, leg.turn)  # the solid is inside of an arc that turns right
-            numbers = {"kind": int(contact_kernels.BEND), "origin": spatial(leg.center), "radius": leg.radius}
-            numbers |= {"along": spatial((half - leg.center) / leg.radius), "normal": np.array([0.0, inside, 0.0])}
-            middle, reach = leg.center, leg.radius
-        shape = {"length": leg.length, "start": start, "end": ends[i], "center": spatial(middle), "width": width}
-        across = max(map(abs, width)) if math.isfinite(width[0]) else 0.0  # bodies of the plane have no width
-        found.append(ContactLeg(**numbers, **shape, reach=math.hypot(reach + depth, across)))
-    return found
-
-
-def facet_legs(found: Facets, depth: float) -> list[ContactLeg]:
-    """Faces and edges as legs; `depth` [m] as of `contact_legs`."""
-    legs = []
-    for face in found.faces:
-        middle = 0.5 * (face.corners.min(axis=0) + face.corners.max(axis=0))
-        reach = float(np.linalg.norm(face.corners - middle, axis=1).max())
-        way = {"origin": face.corners[0], "along": face.along, "normal": face.normal}
-        legs.append(ContactLeg(int(contact_kernels.FACE), **way, center=middle, reach=reach + depth, face=face))
-    for edge in found.edges:
-        middle = edge.start + 0.5 * edge.length * edge.way
-        way = {"origin": edge.start, "along": edge.way, "normal": np.cross(edge.way, edge.into[0])}
-        about = {"length": edge.length, "center": middle, "reach": 0.5 * edge.length + depth}
-        legs.append(ContactLeg(int(contact_kernels.EDGE), **way, **about, into=edge.into))
-    return legs
-
-
-def ball_leg(centre: Array, radius: float) -> ContactLeg:
-    """The surface of a ball."""
-    x, _, z = np.eye(3)
-    return ContactLeg(int(contact_kernels.BALL), centre, x, z, radius=radius, center=centre, reach=radius)
-
-
-@dataclass(frozen=True)
-class ContactPoints:
-    """What can touch a leg first: corners, arcs and balls as corners with a radius, edges; as in kernels/contact.py."""
-
-    offset: Array
-    radius: Array
-    way: Array
-    spread: Array
-    length: Array
-    into: Array
-
-    def about(self, centre: Array) -> ContactPoints:
-        """The same in coordinates about `centre` [m], shape [3]."""
-        return replace(self, offset=self.offset - centre)
-
-
-def corners_at(points: Array, radius: float = 0.0) -> ContactPoints:
-    """Points [m], shape [n, 3], as corners, or with a `radius` [m] as balls."""
-    points = np.asarray(points, float).reshape(-1, 3)
-    count = len(points)
-    nowhere = np.zeros((count, 3))
-    return ContactPoints(
-        points, np.full(count, radius), nowhere, -np.ones(count), np.zeros(count), np.zeros((count, 2, 3))
-    )
-
-
-def edges_at(edges: Sequence[Edge]) -> ContactPoints:
-    """Edges, which touch other edges."""
-    points = corners_at(np.array([edge.start for edge in edges]))
-    if not edges:
-        return points
-    way, into = np.array([edge.way for edge in edges]), np.array([edge.into for edge in edges])
-    return replace(points, way=way, length=np.array([edge.length for edge in edges]), into=into)
-
-
-def joined(parts: Sequence[ContactPoints]) -> ContactPoints:
-    """All points of several sets, in order."""
-    parts = [corners_at(np.empty((0, 3))), *parts]
-    names = [one.name for one in fields(ContactPoints)]
-    return ContactPoints(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def contact_points(outline: Outline, side: int) -> ContactPoints:
-    """The corners and the arcs of an outline that bulge to its free side, the left (`side` 1) or the right (-1).
-
-    Not the smooth joints of legs: what slides over one would stumble over it.
-    """
-    outline = outline if side > 0 else reversed_outline(outline)
-    count = len(outline.legs)
-    joints = [(i, (i + 1) % count) for i in range(count if outline.closed else count - 1)]
-    corners = [
-        spatial(outline.legs[i].points(np.ones(1))[0])
-        for i, j in joints
-        if _turn(outline.legs[i], outline.legs[j]) < -1e-6
-    ]
-    if not outline.closed:
-        corners += [spatial(outline.legs[0].points(np.zeros(1))[0]), spatial(outline.legs[-1].points(np.ones(1))[0])]
-    arcs = [leg for leg in outline.legs if isinstance(leg, Bend) and leg.turn < 0.0]
-    plain = corners_at(np.array(corners).reshape(-1, 3))
-    round_ones = corners_at(np.array([spatial(leg.center) for leg in arcs]))
-    middles = [spatial((leg.points(np.array([0.5]))[0] - leg.center) / leg.radius) for leg in arcs]
-    round_ones = replace(
-        round_ones,
-        radius=np.array([leg.radius for leg in arcs]),
-        way=np.array(middles).reshape(-1, 3),
-        spread=np.array([math.cos(min(0.5 * abs(leg.turn) + 1e-9, math.pi)) for leg in arcs]),
-    )
-    return joined([plain, round_ones])
 
 
 class BodySet:
@@ -200,7 +53,7 @@ class BodySet:
         wall_points: ContactPoints | None = None,
         *,
         dimensions: int = 2,
-        gravity: Array = (0.0, 0.0, -9.81),
+        gravity: ArrayLike = (0.0, 0.0, -9.81),
         smoothing_length: float,
         contact: bool = True,
     ) -> None:
@@ -287,7 +140,7 @@ class BodySet:
             [self.contact, leg_count, *place, self.inverse_mass, self._chosen],
         )
         gather = self.launcher.record_in_order(
-            contact_kernels.gather_contacts,
+            contact_solver.gather_contacts,
             self.count,
             [
                 *(self.contact, leg_count, dt, self._chosen),
@@ -303,7 +156,7 @@ class BodySet:
             for array in (self.velocity, self.spin, self.shift, self.turn, self._impulse, self.received)
         ]
         solve = self.launcher.record_in_order(
-            contact_kernels.solve_contacts,
+            contact_solver.solve_contacts,
             1,
             [
                 *(self.constants, self.contact, self.contact_count, self._key, self._other, self._place, self._normal),
@@ -430,7 +283,7 @@ class BodySet:
 
         legs, owners, sets = list(walls), [0] * len(walls), [wall_points]
         for b, body in enumerate(self.bodies, 1):
-            own, points = _touching(body, contact.depth)
+            own, points = touching(body, contact.depth)
             legs, owners, sets = legs + own, owners + [b] * len(own), [*sets, points]
         for name, dtype in {"offset": wp.vec3d, "radius": wp.float64, "way": wp.vec3d, "spread": wp.float64}.items():
             setattr(contact, f"point_{name}", self._array(np.concatenate([getattr(p, name) for p in sets]), dtype))
@@ -481,46 +334,11 @@ class BodySet:
         contact.block_reach = self._array([reach[first[n] : first[n + 1]].max() for n in range(count)], wp.float64)
 
 
-def _touching(body: Body, depth: float) -> tuple[list[ContactLeg], ContactPoints]:
-    """The legs and the points of a body, about its centre."""
-    centre = body.mass.centre
-    if body.outline is not None:
-        outline = counter_clockwise(body.outline)
-        legs = contact_legs(outline.moved(-centre[[0, 2]]), -1, depth)
-        return legs, contact_points(outline, -1).about(centre)
-    if body.ball is not None:
-        middle, radius = body.ball[0] - centre, body.ball[1]
-        return [ball_leg(middle, radius)], corners_at(middle[None], radius)
-    if body.mesh is not None:
-        own = facets(body.mesh.vertices - centre, body.mesh.triangles, depth)
-        return facet_legs(own, depth), joined([corners_at(own.corners), edges_at(own.edges)])
-    return [], corners_at(np.empty((0, 3)))
-
-
-def contact_depth(h: float) -> float:
-    """Overlap [m] at which a point counts as on the far side of a wall, for a smoothing length of h [m]."""
-    return 0.25 * h
-
-
 def rotation(quaternion: Array) -> Array:
     """The matrix of a unit quaternion [x, y, z, w], shape [3, 3]."""
     x, y, z, w = quaternion
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
-
-
-def _turn(before: Line | Bend, after: Line | Bend) -> float:
-    """The angle by which the way turns left from one leg to the next [rad]."""
-    a, b = before.normals(np.ones(1))[0], after.normals(np.zeros(1))[0]
-    return math.atan2(a[0] * b[1] - a[1] * b[0], a @ b)
-
-
-def _joint(before: Line | Bend, after: Line | Bend, depth: float) -> tuple[float, float]:
-    """How far two legs reach beyond their joint [m], and how fast that shrinks inside of the solid."""
-    turn = _turn(before, after)
-    if turn < -1e-9:
-        return 0.0, math.tan(-0.5 * turn)
-    return (depth, 0.0) if turn > 1e-6 else (1e-9, 0.0)
 
 
 _NO_ROWS = Table(np.empty(0), np.empty((0, 3)), np.empty(0))

@@ -88,26 +88,37 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
     group = _flat_groups(normals, beside)
 
     beyond = np.zeros((len(triangles), 3, 2))
-    edges: list[Edge] = []
     is_corner = np.zeros(len(vertices), dtype=bool)
-    for one, border in np.ndindex(len(triangles), 3):
-        other = beside[one, border]
-        inward = outward = into[one, border]
-        if other >= 0:
-            if group[other] == group[one]:
-                continue
-            outward = into[other, list(beside[other]).index(one)]
-            # How far the other face turns away from this one.
-            turn = math.atan2(-normals[one] @ outward, -inward @ outward)
-            if turn < 0.0:
-                beyond[one, border, 0] = depth
-                continue
-            beyond[one, border, 1] = math.tan(0.5 * turn)
-        is_corner[triangles[one, [border, (border + 1) % 3]]] = True
-        if other < one:
-            pair = np.stack([inward, outward])
-            edges.append(Edge(corners[one, border], ways[one, border], float(lengths[one, border]), pair))
-    members = [np.flatnonzero(group == k) for k in np.unique(group)]
+    one, border = np.nonzero((beside < 0) | (group[beside] != group[:, None]))
+    other = beside[one, border]
+    met = other >= 0
+    inward, outward = into[one, border], into[one, border]
+    back = np.argmax(beside[other[met]] == one[met, None], axis=1)
+    outward[met] = into[other[met], back]
+    # How far the other face turns away from this one.
+    turn = np.zeros(len(one))
+    turn[met] = np.arctan2(
+        -np.einsum("ij,ij->i", normals[one], outward)[met], -np.einsum("ij,ij->i", inward, outward)[met]
+    )
+    hollow = met & (turn < 0.0)
+    beyond[one[hollow], border[hollow], 0] = depth
+    bulges = met & ~hollow
+    beyond[one[bulges], border[bulges], 1] = np.tan(0.5 * turn[bulges])
+    for k in (0, 1):
+        is_corner[triangles[one[~hollow], (border[~hollow] + k) % 3]] = True
+    first = np.flatnonzero(~hollow & (other < one))  # of the two triangles at a border, or the only one
+    edges = [
+        Edge(start, way, length, pair)
+        for start, way, length, pair in zip(
+            corners[one[first], border[first]],
+            ways[one[first], border[first]],
+            lengths[one[first], border[first]].tolist(),
+            np.stack([inward[first], outward[first]], axis=1),
+            strict=True,
+        )
+    ]
+    order = np.argsort(group, kind="stable")
+    members = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     faces = [
         Face(normals[some[0]], ways[some[0], 0], *(a[some].reshape(-1, a.shape[2]) for a in (corners, into, beyond)))
         for some in members
@@ -188,28 +199,31 @@ def sheet_edges(sheet: Sheet, side: int) -> Facets:
 
 def _neighbours(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """The triangle on the other side of each border, shape [m, 3]; -1 where there is none."""
-    beside = np.full((len(triangles), 3), -1)
-    owner: dict[tuple[int, int], tuple[int, int]] = {}
-    for one, triangle in enumerate(triangles.tolist()):
-        for border in range(3):
-            owner[triangle[border], triangle[(border + 1) % 3]] = one, border
-    for (a, b), (one, border) in owner.items():
-        if (b, a) in owner:
-            beside[one, border] = owner[b, a][0]
-    return beside
+    count = int(triangles.max()) + 1
+    there = triangles * count + np.roll(triangles, -1, axis=1)
+    back = np.roll(triangles, -1, axis=1) * count + triangles
+    order = np.argsort(there.ravel(), kind="stable")
+    place = np.minimum(np.searchsorted(there.ravel(), back.ravel(), sorter=order), there.size - 1)
+    found = order[place]
+    return np.where(there.ravel()[found] == back.ravel(), found // 3, -1).reshape(-1, 3)
 
 
 def _flat_groups(normals: Array, beside: NDArray[np.int64]) -> NDArray[np.int64]:
     """The number of the flat face of each triangle, shape [m]: spread from one triangle to its neighbours."""
     group = np.full(len(normals), -1)
-    for seed in range(len(normals)):
+    flat, near = math.cos(FLAT), beside.tolist()
+    # Triangles none of whose neighbours is as flat to them are their own faces at once.
+    alike = np.einsum("ijk,ik->ij", normals[beside], normals)
+    alone = np.all((beside < 0) | (alike <= flat), axis=1)
+    group[alone] = np.flatnonzero(alone)
+    for seed in np.flatnonzero(~alone).tolist():
         if group[seed] >= 0:
             continue
         group[seed] = seed
         waiting = [seed]
         while waiting:
-            for other in beside[waiting.pop()].tolist():
-                if other >= 0 and group[other] < 0 and normals[other] @ normals[seed] > math.cos(FLAT):
+            for other in near[waiting.pop()]:
+                if other >= 0 and group[other] < 0 and normals[other] @ normals[seed] > flat:
                     group[other] = seed
                     waiting.append(other)
     return group

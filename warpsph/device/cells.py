@@ -1,7 +1,7 @@
 """Cells on the host's side: the box that they fill, and points sorted by them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
@@ -61,7 +61,7 @@ class Cells:
             else [wp.zeros(room, dtype=int, device=launcher.device) for _ in range(2)]
         )
         self.start = wp.zeros(cells + 1, dtype=int, device=launcher.device)
-        self._launches = (
+        self._launches: list[Callable[[], None]] = (
             [
                 launcher.record_in_order(kernels.find_cells, self._count, [grid, position, self.cell, self.order]),
                 lambda: wp.utils.radix_sort_pairs(self.cell, self.order, self._count, end_bit=self._bits),

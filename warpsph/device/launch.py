@@ -154,10 +154,10 @@ class Team:
             for wait in self._meet[self._captured : self._captured + 1]:
                 wait()
             return
-        pending = [self._pool.submit(part) for part in parts[1:]]
+        pending = [self._pool.submit(part) for part in parts[1:]] if self._pool else []
         parts[0]()
-        for part in pending:
-            part.result()
+        for future in pending:
+            future.result()
 
     def capture(self, body: Callable[[], None], running: wp.array | None = None) -> Callable[[], None]:
         """What `body` launches as a graph for each thread; a loop that is interrupted clears `running`."""

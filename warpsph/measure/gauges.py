@@ -1,16 +1,26 @@
 """Wave gauges: the level of the free surface at places along the flume."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
 from warpsph.kernels.gauges import volume_fraction_kernel
+from warpsph.kernels.instruments import find_tops
+from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.model import Model
+from warpsph.shapes.points import Array
+from warpsph.shapes.surface import Crate, Sheet, wall_surface
 from warpsph.state import State
 from warpsph.step.neighbours import Neighbours
 
 SAMPLES_PER_SPACING = 2
 # Fluid thinner than two spacings is spray or an overturning lip, and is looked through.
 LEAST_SAMPLES = 2 * SAMPLES_PER_SPACING
+# Water that outgrows a column gets one that is so many times as high.
+GROWTH = 1.5
 
 
 class Gauges:
@@ -20,38 +30,70 @@ class Gauges:
         gauges, floor = model.scene.gauges, model.ground
         self.names = [gauge.name for gauge in gauges]
         self._step = model.spacing / SAMPLES_PER_SPACING
-        # As high as the fluid could ever rise without energy from outside, and half as much again.
-        top = floor + 1.5 * (model.top - floor) + 4.0 * model.spacing
-        self._heights = [self._column(floor if gauge.bottom is None else gauge.bottom, top) for gauge in gauges]
         if not gauges:
             return
-        points = [
-            np.stack([np.full_like(z, gauge.x), np.full_like(z, gauge.y or 0.0), z], axis=1)
-            for gauge, z in zip(gauges, self._heights, strict=True)
+        walls = [wall_surface(model.scene, i) for i in range(len(model.scene.walls))]
+        self._walls, self._off = walls, wall_shares(model)
+        self._places = np.array([(gauge.x, gauge.y or 0.0) for gauge in gauges])
+        self._bottoms = [
+            bed_below(*place, walls, model.sides, floor) if gauge.bottom is None else gauge.bottom
+            for gauge, place in zip(gauges, self._places, strict=True)
         ]
         self._model, self._state, self._cells = model, state, neighbours.cells
         device = model.launcher.device
+        lines = np.column_stack([self._places, np.zeros(len(gauges))])
+        self._lines = wp.array(lines, dtype=wp.vec3, device=device)
+        self._tops = wp.zeros(len(gauges), dtype=float, device=device)
+        self._reach(max(model.top, floor))
+
+    def _reach(self, top: float) -> None:
+        """Make the columns as high as `top` [m] and somewhat higher."""
+        model, device = self._model, self._model.launcher.device
+        lowest = min(self._bottoms)
+        self._top = lowest + GROWTH * (top - lowest) + model.support
+        self._heights = [
+            np.arange(bottom, max(self._top, bottom + 1.5 * self._step), self._step) for bottom in self._bottoms
+        ]
+        points = [
+            np.stack([np.full_like(z, x), np.full_like(z, y), z], axis=1)
+            for (x, y), z in zip(self._places, self._heights, strict=True)
+        ]
+        # What of the kernel lies in a wall cannot be filled.
+        self._room = []
+        for some in points:
+            distance = np.min([np.full(len(some), np.inf), *(wall.distance(some) for wall in self._walls)], axis=0)
+            self._room.append(np.interp(distance, *self._off))
         self._points = wp.array(np.concatenate(points), dtype=wp.vec3, device=device)
         self._fraction = wp.zeros(len(self._points), dtype=float, device=device)
         self._record()
 
     def _record(self) -> None:
-        """Bind the launch to the packed particles as they are now: they move when more ghosts need room."""
+        """Bind the launches to the packed particles as they are now: they move when more ghosts need room."""
         model, self._read = self._model, self._state.position_volume
-        self._find_fraction = model.launcher.record(
+        reach, record = model.support + model.longest_motion, model.launcher.record
+        self._find_fraction = record(
             volume_fraction_kernel(model.scene.smoothing.kernel),
             len(self._points),
             model,
-            reach=model.support + model.longest_motion,
+            reach=reach,
             start=self._cells.start,
             point=self._points,
             position_volume=self._read,
             fraction=self._fraction,
         )
-
-    def _column(self, bottom: float, top: float) -> np.ndarray:
-        """Heights at which a gauge looks [m]: two at least, so that one above all fluid is dry."""
-        return np.arange(bottom, max(top, bottom + 1.5 * self._step), self._step)
+        self._find_tops = record(
+            find_tops,
+            len(self.names),
+            model,
+            across=model.support,
+            reach=reach,
+            fluid_count=len(model.fluid_names),
+            start=self._cells.start,
+            place=self._lines,
+            position_volume=self._read,
+            fluid=self._state.fluid,
+            top=self._tops,
+        )
 
     def levels(self) -> list[float]:
         """Level at each gauge [m]; the bottom of the gauge where it is dry."""
@@ -59,10 +101,56 @@ class Gauges:
             return []
         if self._read is not self._state.position_volume:
             self._record()
+        self._find_tops()
+        top = float(self._tops.numpy().max())
+        if top + self._model.support > self._top:
+            self._reach(top)
         self._find_fraction()
         ends = np.cumsum([len(z) for z in self._heights])[:-1]
         fractions = np.split(self._fraction.numpy(), ends)
-        return [surface(z, fraction, LEAST_SAMPLES) for z, fraction in zip(self._heights, fractions, strict=True)]
+        columns = zip(self._heights, fractions, self._room, strict=True)
+        return [surface(z, fraction / room, LEAST_SAMPLES) for z, fraction, room in columns]
+
+
+def wall_shares(model: Model) -> tuple[Array, Array]:
+    """Distances off a plane wall [m], and how much of the smoothing kernel lies before it there: from 1/2 to 1."""
+    kernel, h = SMOOTHING[model.scene.smoothing.kernel], model.scene.smoothing_length
+    q = np.linspace(0.0, kernel.support, 201)
+    shape = np.array([float(kernel.shape(float(one))) for one in q])
+    r = np.hypot.outer(q, q)
+    around = 2.0 if model.scene.dimensions == 2 else 2.0 * np.pi * q
+    across = np.trapezoid(around * np.interp(r, q, shape, right=0.0), q, axis=1)
+    share = np.concatenate([[0.0], np.cumsum(0.5 * (across[1:] + across[:-1]))])
+    return h * q, 0.5 + 0.5 * share / share[-1]
+
+
+def bed_below(x: float, y: float, walls: Sequence[Sheet | Crate], sides: Sequence[int], otherwise: float) -> float:
+    """Height of the highest wall over which there may be fluid at (x, y) [m]; `otherwise` where there is none.
+
+    `sides` are those of the walls on which the fluid is: a lid carries none.
+    """
+    found = []
+    for wall, side in zip(walls, sides, strict=True):
+        if isinstance(wall, Crate):
+            within = wall.low[0] <= x <= wall.high[0] and wall.low[1] <= y <= wall.high[1]
+            face = (2, 0) if side > 0 else (2, 1)
+            if side and within and face in wall.sides():
+                found.append(float((wall.low if side > 0 else wall.high)[2]))
+            continue
+        if wall.width and not wall.width[0] <= y <= wall.width[1]:
+            continue
+        found += _carrying(wall.outline.polygon(), x, side)
+    return max(found, default=otherwise)
+
+
+def _carrying(line: Array, x: float, side: int) -> list[float]:
+    """Heights at which a polyline [k, 2] runs below fluid at x, which is on its left (1) or on its right (-1) [m]."""
+    (ax, az), (bx, bz) = line[:-1].T, line[1:].T
+    way = side * (bx - ax)
+    # The left of a leg that runs along x is above it.
+    crossed = (np.minimum(ax, bx) <= x) & (x <= np.maximum(ax, bx)) & (way > 0.0)
+    share = (x - ax[crossed]) / (bx - ax)[crossed]
+    return (az[crossed] + share * (bz - az)[crossed]).tolist()
 
 
 def surface(heights: np.ndarray, fraction: np.ndarray, thick: int) -> float:

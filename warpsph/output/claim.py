@@ -29,11 +29,16 @@ _OWN = {
     "preview": r"\.?frame\.\d{5,}\.png|\.?animation\.(mp4|gif)|gauges\.png",
     "usd": r"\.?((scene|surface|manifest|surface_manifest)\.usda|static\.usdc)",
     "usd/frames": r"\.?(fluid|surface)\.\d{5,}\.usdc",
+    "particles": r"\.?(fluid\.\d{5,}\.vtu|particles\.pvd)",
     "gauges": "",
     "fluids": "",
     "bodies": "",
+    "probes": "",
+    "forces": "",
+    "run_up": "",
+    "overtopping": "",
 }
-_RECORD = re.compile(r"(energy|(gauges|fluids|bodies)/\w+)\.csv")
+_RECORD = re.compile(r"(energy|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
 
 
 class FolderError(Exception):

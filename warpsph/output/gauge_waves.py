@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
-
 import numpy as np
 
+from warpsph.measure import compare
 from warpsph.output.records import find_crest
 from warpsph.scene.scene import Scene
 
@@ -73,23 +71,15 @@ def read_observed(scene: Scene) -> dict[str, dict[str, np.ndarray]]:
     """What was observed at the gauges that name a file, by the name of the gauge: time [s], level above rest [m].
 
     Raises:
-        SceneError: a file cannot be read, or does not hold two columns of numbers below a heading.
+        SceneError: a file cannot be read, or does not hold the columns that are named.
     """
     found = {}
     for i, gauge in enumerate(scene.gauges):
         if gauge.observed is None:
             continue
-        path = Path(gauge.observed)
         try:
-            with path.open(newline="", encoding="utf-8") as file:
-                heading, *rows = csv.reader(file)
-            columns = np.array([row for row in rows if row], dtype=float).T
-            if len(columns) != 2 or not np.isfinite(columns).all():
-                raise ValueError
-        except OSError as error:
-            raise scene.error(f"gauges[{i}].observed", f"{path}: {error.strerror}") from None
-        except ValueError:
-            wanted = "two columns of numbers below a heading are needed, time [s] and level above that at rest [m]"
-            raise scene.error(f"gauges[{i}].observed", f"{path}: {wanted}") from None
-        found[gauge.name] = dict(zip(heading, columns, strict=True))
+            time, level = compare.read_observed(gauge.observed)
+        except ValueError as error:
+            raise scene.error(f"gauges[{i}].observed", str(error)) from None
+        found[gauge.name] = {"time [s]": time, "level [m]": level}
     return found

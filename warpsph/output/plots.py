@@ -92,6 +92,29 @@ RECORDS = (
         panels=(Panel(("level",), "level − still level", since_start=True),),
     ),
     Records(
+        "Probes",
+        "probes/*.csv",
+        panels=(Panel(("pressure",)), Panel(("u",)), Panel(("w",))),
+    ),
+    Records(
+        "Forces on walls",
+        "forces/*.csv",
+        "The pressure on walls, its torque, and how high it attacks.",
+        (Panel(("force x",)), Panel(("force z",)), Panel(("torque", "torque y"), "torque"), Panel(("z",), "attack, z")),
+    ),
+    Records(
+        "Run-up",
+        "run_up/*.csv",
+        "The highest wet point along each wall.",
+        (Panel(("z",), "highest wet point, z"), Panel(("length",), "the same, along the wall")),
+    ),
+    Records(
+        "Overtopping",
+        "overtopping/*.csv",
+        "What has passed each line.",
+        (Panel(("volume",)), Panel(("discharge",))),
+    ),
+    Records(
         "Bodies",
         "bodies/*.csv",
         "Where the centre of each body goes, and the force of the fluid on it.",
@@ -183,6 +206,10 @@ def name_lines(figure: Figure, axes: Axes) -> None:
     )
 
 
+# More curves than this in one panel cannot be told apart, and their names leave it no room.
+MOST_CURVES = 24
+
+
 def gauge_figure(
     levels: Curves, observed: Curves | None = None, size: tuple[float, float] = (9.0, 4.2)
 ) -> tuple[Figure, Axes]:
@@ -194,6 +221,7 @@ def gauge_figure(
         size: [inch].
     """
     figure, (axes,) = new_plots(1, size)
+    levels = dict(list(levels.items())[:MOST_CURVES])
     for (name, record), color in zip(levels.items(), line_colors(len(levels)), strict=True):
         time, level = record[TIME], record["level [m]"]
         amplitude, at = find_crest(time, level)

@@ -125,3 +125,18 @@ def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float]:
     if not time[first] <= at <= time[last]:  # a level that rises still at the end has not had its crest
         return float(level[top] - level[0]), float(time[top])
     return float(c - b * b / (4.0 * a) - level[0]), at
+
+
+def is_rising(time: np.ndarray, level: np.ndarray) -> bool:
+    """Whether the record ends before its highest crest does: in the last tenth of a rise, and not yet falling.
+
+    `time` [s] and `level` [m] are a gauge's record, shape [sample_count]; a level that never rises is not rising.
+    """
+    rise = float(level.max() - level[0])
+    if not rise > 0.0 or level[-1] < level[0] + 0.9 * rise:
+        return False
+    # From where it came within the last tenth: rough by a fraction of a spacing, so that a slope is fitted.
+    low = np.flatnonzero(level < level[0] + 0.9 * rise)
+    first = min(int(low.max(initial=-1)) + 1, len(level) - 2)
+    slope = np.polyfit(time[first:] - time[first], level[first:], 1)[0]
+    return bool(slope > 0.0)

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from warpsph.output.analysis import instrument_plots
 from warpsph.output.colors import fluid_colors
 from warpsph.output.gauge_waves import describe_gauge, off_observed, read_observed
 from warpsph.output.pages import embedded, plot, render
@@ -84,7 +85,7 @@ def write_report(run_dir: Path) -> Path:
         warnings=[str(warning) for warning in facts.get("warnings") or ()],
         film=_film(run_dir, scene),
         gauges=list(_gauges(run_dir, scene)),
-        sections=list(_sections(run_dir, scene)),
+        sections=[*_sections(run_dir, scene), *_compared(run_dir, scene)],
         frames=list(_frames(run_dir, scene)),
         setup=list(_setup(run_dir, scene)) if scene else [],
         command=_command(run_dir, facts) if scene else "",
@@ -176,6 +177,13 @@ def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
         paths = sorted(run_dir.glob(kind.files))
         links = [(path.name, path.relative_to(run_dir).as_posix()) for path in paths]
         yield Section(kind.heading, kind.words, [(title, plot(figure)) for title, figure in figures], links)
+
+
+def _compared(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
+    """What probes observed elsewhere, and the spectra of made waves."""
+    plots = [(caption, plot(figure)) for caption, figure in instrument_plots(run_dir, scene)] if scene else []
+    if plots:
+        yield Section("Held against", "What was observed, or asked for.", plots, [])
 
 
 def _colors(scene: Scene | None, curves: Curves) -> dict[str, str]:

@@ -1,12 +1,12 @@
-"""What is drawn and cached of a run: PNG frames, an animation, the gauge picture, the USD cache, the report."""
+"""What takes the frames of a run: PNG pictures and an animation, the USD cache, particles for ParaView; the report."""
 
 from __future__ import annotations
 
-import logging
 import math
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import warp as wp
@@ -14,81 +14,60 @@ import warp as wp
 import warpsph
 from warpsph.device.launch import Launcher
 from warpsph.output.colors import body_colors, fluid_colors
+from warpsph.placement.drawing import wall_surface
 from warpsph.placement.images import mirror_lines, periods
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Start, typical_speed
 from warpsph.scene.scene import Scene
-from warpsph.shapes.surface import wall_surface
 from warpsph.simulation import Simulation, place_within
 from warpsph.state import Snapshot
 
 if TYPE_CHECKING:
     from warpsph.output.frames import FrameWriter
-    from warpsph.output.usd import DrawnBody, Place, UsdCache
+    from warpsph.output.usd import DrawnBody, Place
 
-log = logging.getLogger("warpsph")
+
+class Writer(Protocol):
+    """Something that takes every frame of a run: pictures, a point cache, files of particles."""
+
+    def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place]) -> object:
+        """Write frame `frame`: the fluid in `snapshot`, in id order, and where each body is."""
+
+    def finish(self) -> None:
+        """What is left to do when the last frame of a run is written."""
 
 
 class Outputs:
-    """Pictures and cache of one run folder."""
+    """What takes the frames of one run: the WRITERS that the scene asks for."""
 
     def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
         """`resume_at` is the first frame that is yet to come when a run goes on; None for a new run."""
         self._scene, self._simulation, self._folder, self._resume_at = scene, simulation, folder, resume_at
         self._frame = resume_at or 0
-        self._writer, self._writing = ThreadPoolExecutor(1), None
+        self._thread, self._writing = ThreadPoolExecutor(1), None
         self._pinned: tuple[dict[str, wp.array], ...] = ({}, {})  # one is written out while the other is filled
-        self._is_open = False
-        self._pictures: FrameWriter | None = None
-        self._cache: UsdCache | None = None
+        self._names = [name for name in WRITERS if getattr(scene.output, name)]
+        self._writers: list[Writer] | None = None
 
-    def _open(self) -> None:
-        """Make what draws and caches, with the first frame: Matplotlib and USD are loaded while the steps go on."""
-        self._is_open = True
-        scene, simulation, folder = self._scene, self._simulation, self._folder
-        start = simulation.start
-        if scene.output.pictures:
-            self._pictures = frame_writer(scene, start, folder / "preview")
-        if scene.output.usd:
-            from pxr import Gf
-
-            from warpsph.output.usd import UsdCache
-
-            walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
-            drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
-            crossings = periods(scene)
-            self._cache = UsdCache(
-                folder / "usd",
-                fluids=fluid_colors(scene),
-                walls=drawn | mirror_lines(scene, *start.box),
-                bodies=drawn_bodies(scene, start),
-                spacing=scene.spacing,
-                origin=scene.origin,
-                frames_per_second=scene.output.frames_per_second,
-                provenance={
-                    **{"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
-                    # Across these a particle may turn up on the other side from one frame to the next.
-                    **({"periods": {name: Gf.Vec3d(*by) for name, by in crossings.items()}} if crossings else {}),
-                },
-                resume_at=self._resume_at,
-                rheology=bool(simulation.model.viscous and simulation.model.viscous.law),
-                extent=start.fluid_box,
-                fields=scene.output.usd_fields,
-                shows_walls=scene.output.usd_walls,
-            )
+    def _open(self) -> list[Writer]:
+        """The writers, made with the first frame: Matplotlib and USD are loaded while the steps go on."""
+        if self._writers is None:
+            room = (self._scene, self._simulation, self._folder, self._resume_at)
+            self._writers = [WRITERS[name](*room) for name in self._names]
+        return self._writers
 
     def write_frame(self) -> None:
-        """Take the fluid as it is now; a thread of its own draws and caches it while the steps go on.
+        """Take the fluid as it is now; a thread of its own hands it to the writers while the steps go on.
 
         What went wrong with the frame before, a full disk for one, is raised here.
         """
-        if not (self._scene.output.pictures or self._scene.output.usd):
+        if not self._names:
             return
         snapshot = self._simulation.state.snapshot(self._pinned[self._frame % 2])
         # Copies: on the CPU the places are views of what the steps that go on write to.
         places = [(x.copy(), q.copy()) for x, q in self._simulation.bodies.places()] if self._simulation.bodies else []
         self.wait()
-        self._writing = self._writer.submit(self._write, self._frame, snapshot, places)
+        self._writing = self._thread.submit(self._write, self._frame, snapshot, places)
         self._frame += 1
 
     def wait(self) -> None:
@@ -97,34 +76,17 @@ class Outputs:
             self._writing.result()
 
     def _write(self, frame: int, snapshot: Snapshot, places: list[Place]) -> None:
-        if not self._is_open:
-            self._open()
-        if self._pictures is not None:
-            self._pictures.write(frame, snapshot, places)
-        if self._cache is not None:
-            self._cache.write(snapshot, places)
+        for writer in self._open():
+            writer.write(frame, snapshot, places)
 
     def finish(self) -> None:
-        """Draw the gauge record, and begin the animation, which goes into the page that `report` writes."""
+        """Let the writers begin what comes last, such as the animation, which goes into the page of `report`."""
         self.wait()
-        if not self._is_open:
-            self._open()
-        if self._cache is not None:  # whoever took frames away on the way is told
-            from warpsph.output.usd import require_frames
+        self._writing = self._thread.submit(self._finish)
 
-            require_frames(self._folder / "usd", self._cache.frame_count)
-        preview, scene = self._folder / "preview", self._scene
-        if self._pictures is not None and self._frame:
-            from warpsph.output.animation import animate
-
-            fps = scene.output.shown_per_second
-            self._writing = self._writer.submit(animate, preview, preview / "animation", fps)
-        if scene.output.pictures and scene.gauges:
-            from warpsph.output.plots import gauge_picture
-
-            gauge_picture(
-                [self._folder / "gauges" / f"{gauge.name}.csv" for gauge in scene.gauges], preview / "gauges.png"
-            )
+    def _finish(self) -> None:
+        for writer in self._open():
+            writer.finish()
 
     def report(self) -> None:
         """Write the HTML page; needs run.json. Returns when all is on the disk."""
@@ -132,7 +94,91 @@ class Outputs:
 
         self.wait()
         write_report(self._folder)
-        self._writer.shutdown()
+        self._thread.shutdown()
+
+
+class Pictures:
+    """Frames as PNG, the animation that they make, and what gauges recorded."""
+
+    def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
+        self._scene, self._folder, self._frames = scene, folder, resume_at or 0
+        self._drawer = frame_writer(scene, simulation.start, folder / "preview")
+
+    def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place]) -> None:
+        """Draw a frame."""
+        self._drawer.write(frame, snapshot, places)
+        self._frames = frame + 1
+
+    def finish(self) -> None:
+        """Draw the gauge record, and make the animation."""
+        preview, gauges = self._folder / "preview", self._scene.gauges
+        if gauges:
+            from warpsph.output.plots import gauge_picture
+
+            gauge_picture([self._folder / "gauges" / f"{gauge.name}.csv" for gauge in gauges], preview / "gauges.png")
+        if self._frames:
+            from warpsph.output.animation import animate
+
+            animate(preview, preview / "animation", self._scene.output.shown_per_second)
+
+
+class Cache:
+    """The USD point cache."""
+
+    def __init__(self, scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> None:
+        from pxr import Gf
+
+        from warpsph.output.usd import UsdCache
+
+        start = simulation.start
+        walls = {wall.name: wall_surface(scene, i) for i, wall in enumerate(scene.walls)}
+        drawn = {name: wall.faces() if scene.dimensions == 3 else wall.lines()[0] for name, wall in walls.items()}
+        crossings = periods(scene)
+        self._cache = UsdCache(
+            folder / "usd",
+            fluids=fluid_colors(scene),
+            walls=drawn | mirror_lines(scene, *start.box),
+            bodies=drawn_bodies(scene, start),
+            spacing=scene.spacing,
+            origin=scene.origin,
+            frames_per_second=scene.output.frames_per_second,
+            provenance={
+                **{"title": scene.title, "source": scene.source, "warpsph": warpsph.__version__},
+                # Across these a particle may turn up on the other side from one frame to the next.
+                **({"periods": {name: Gf.Vec3d(*by) for name, by in crossings.items()}} if crossings else {}),
+            },
+            resume_at=resume_at,
+            rheology=bool(simulation.model.viscous and simulation.model.viscous.law),
+            extent=start.fluid_box,
+            fields=scene.output.usd_fields,
+            shows_walls=scene.output.usd_walls,
+        )
+
+    def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place]) -> None:
+        """Write a frame, then the root that names it."""
+        self._cache.write(snapshot, places)
+
+    def finish(self) -> None:
+        """Tell whoever took frames away on the way: raises FileNotFoundError."""
+        from warpsph.output.usd import require_frames
+
+        require_frames(self._cache.folder, self._cache.frame_count)
+
+
+def particles(scene: Scene, simulation: Simulation, folder: Path, resume_at: int | None) -> Writer:
+    """What writes particles for ParaView."""
+    from warpsph.output.vtk import Particles
+
+    fps = scene.output.frames_per_second
+    return Particles(folder / "particles", origin=scene.origin, frames_per_second=fps, resume_at=resume_at)
+
+
+# By the switches of `output` in a scene.
+WRITERS: Mapping[str, Callable[[Scene, Simulation, Path, int | None], Writer]] = {
+    "pictures": Pictures,
+    "usd": Cache,
+    "vtk": particles,
+}
 
 
 def drawn_bodies(scene: Scene, start: Start) -> dict[str, DrawnBody]:

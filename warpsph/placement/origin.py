@@ -15,8 +15,10 @@ from warpsph.scene.bodies import Body, BodyMotion
 from warpsph.scene.boundaries import Mirror, Periodic, Wall
 from warpsph.scene.fields import Part
 from warpsph.scene.fluids import Fill, Lattice
-from warpsph.scene.scene import Gauge, Scene, View
+from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, Window
+from warpsph.scene.scene import Scene, View
 from warpsph.scene.shapes import Arc, Ball, Box, Corner, Disc, Shape, Solid
+from warpsph.scene.waves import DampingZone, WaveMaker
 
 # A drawing that reaches no farther from zero than so many spacings, or than so many times its own size, is left there.
 NEAR_SPACINGS, NEAR_SIZES = 2000.0, 2.0
@@ -39,6 +41,12 @@ PLACES: Mapping[type[Part], Mapping[str, str]] = {
     BodyMotion: {"pivot": POINT},
     Body: {"at": POINT, "centre": POINT},
     Gauge: {"x": "x", "y": "y", "bottom": "z"},
+    WaveMaker: {"x": "x", "bed": "z", "top": "z", "width": "y", "hinge": "z"},
+    DampingZone: {"end": "x"},
+    Probe: {"at": POINT},
+    Window: {"min": POINT, "max": POINT},
+    Force: {"about": POINT},
+    Overtopping: {"start": POINT, "end": POINT},
     View: {"x": "x", "y": "y", "z": "z"},
 }
 

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind, refuse_too_fast
+from warpsph.placement.damping import refuse_long_zones
 from warpsph.placement.doubts import count_of, distance, doubts_of, slow_sound
+from warpsph.placement.drawing import solid, wall_surface
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.images import Edge, find_edges, find_images
 from warpsph.placement.origin import localised
@@ -24,7 +26,7 @@ from warpsph.scene.fluids import Fluid
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import near
-from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box, solid, wall_surface
+from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, around, inside_box
 
 Wall = Sheet | Crate
 
@@ -309,6 +311,7 @@ def place(scene: Scene) -> Placement:
     counts = [len(sites) for sites in placed]
     position = _joined([_jittered(scene, i, sites) for i, sites in enumerate(placed)])
     del placed, sites, depth
+    refuse_long_zones(scene, position)
     set_back = scene.wall_model.set_back * scene.spacing
     sides = [one.wet_side(position) for one in walls]
     refuse_behind(scene, solids, walls, sides)

@@ -21,13 +21,12 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from warpsph.scene.bodies import LOCKS, Body
+from warpsph.scene.bodies import LOCKS, Body, BodyMotion
 from warpsph.scene.boundaries import Image, Wall, WallModel
 from warpsph.scene.fields import (
     COLOR,
     NAME,
     Coefficient,
-    Coordinate,
     Duration,
     Line,
     Name,
@@ -55,8 +54,10 @@ from warpsph.scene.fluids import (
     Smoothing,
     Viscosity,
 )
+from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
 from warpsph.scene.shapes import Shape
 from warpsph.scene.source import SceneError, SourceMap, apply_override, closest, nearest, read_text, read_yaml, show
+from warpsph.scene.waves import PADDLE, DampingZone, WaveMaker
 
 # More than these are a slip, not a scene: each is tested against all others.
 MOST_WALLS, MOST_FLUIDS, MOST_BODIES, MOST_GAUGES = 200, 50, 100, 500
@@ -64,21 +65,7 @@ MOST_FRAMES, MOST_SAMPLES = 1_000_000, 5_000_000
 # More mistakes than this are not read to their end.
 MOST_MISTAKES = 12
 
-
-class Gauge(Part):
-    """A place where the level of the free surface is recorded."""
-
-    name: Name = Field(description="Name of the gauge [-]; its record is gauges/NAME.csv.")
-    x: Coordinate = Field(description="Where it stands, x [m].")
-    y: Coordinate | None = Field(None, description="Where it stands, y [m]; needed in 3-D.")
-    bottom: Coordinate | None = Field(
-        None, description="Height z at which the search for the surface ends [m]; the lowest wall point when absent."
-    )
-    observed: str | None = Field(
-        None,
-        description="CSV file of what was measured there [-], which the report draws: a heading, then seconds and "
-        "metres above the level at rest.",
-    )
+INSTRUMENTS = ("gauges", "probes", "forces", "run_up", "overtopping")
 
 
 class WarmUp(Part):
@@ -142,10 +129,11 @@ class View(Part):
 class Output(Part):
     """What is written while the scene runs."""
 
-    frames_per_second: Rate = Field(30.0, description="Pictures and USD frames [1/s].")
+    frames_per_second: Rate = Field(30.0, description="Pictures and frames of USD and VTK [1/s].")
     samples_per_second: Rate = Field(200.0, description="Lines of the records of gauges, energy and fluids [1/s].")
     pictures: Switch = Field(True, description="Whether to draw PNG frames and an animation [-].")
     usd: Switch = Field(True, description="Whether to write a USD point cache [-].")
+    vtk: Switch = Field(False, description="Whether to write particles for ParaView [-].")
     checkpoint_every: Duration = Field(0.5, description="Simulated time from one checkpoint to the next [s].")
     usd_fields: Switch = Field(True, description="Whether the USD cache holds density and pressure [-].")
     usd_walls: Switch = Field(True, description="Whether a renderer sees the walls of the USD cache [-].")
@@ -214,7 +202,21 @@ class Scene(Part):
         description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
     )
     bodies: Annotated[tuple[Body, ...], Field(max_length=MOST_BODIES)] = Field((), description="Rigid bodies.")
+    wave_maker: WaveMaker | None = Field(None, description="A paddle that makes waves; it is the last of the bodies.")
+    damping_zones: Annotated[tuple[DampingZone, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="Zones in which waves are damped."
+    )
     gauges: Annotated[tuple[Gauge, ...], Field(max_length=MOST_GAUGES)] = Field((), description="Wave gauges.")
+    probes: Annotated[tuple[Probe, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="Probes of pressure and velocity."
+    )
+    forces: Annotated[tuple[Force, ...], Field(max_length=MOST_GAUGES)] = Field((), description="Forces on walls.")
+    run_up: Annotated[tuple[RunUp, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="Highest wet points along walls."
+    )
+    overtopping: Annotated[tuple[Overtopping, ...], Field(max_length=MOST_GAUGES)] = Field(
+        (), description="What passes lines, in 3-D rectangles."
+    )
     warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
     run: Run = Field(description="When to stop, and how far a step reaches.")
     output: Output = Field(Output(), description="What is written while the scene runs.")
@@ -257,12 +259,32 @@ class Scene(Part):
 
     def error(self, path: str, message: str) -> SceneError:
         """A `SceneError` about the field at `path` (such as `fluids[1].shape`), for the caller to raise."""
+        if self.wave_maker and path.startswith(f"bodies[{len(self.bodies) - 1}]"):
+            path = "wave_maker"  # nobody has written its paddle
         return self._source.error(path, message)
 
     def resolved_yaml(self) -> str:
         """The scene with every default filled in, as YAML that loads back to an equal `Scene`."""
         data = self.model_dump(mode="json", exclude_none=True)
+        if self.wave_maker:
+            data["bodies"].pop()  # the paddle, which comes of it
         return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+
+    def _paddle(self, maker: WaveMaker) -> Body:
+        """The paddle of a wave maker as a body, whose motion is found when it is placed."""
+        thickness, low = maker.thickness or 6.0 * self.spacing, max(maker.bed, maker.hinge or maker.bed)
+        left, right, high = maker.x - thickness, maker.x, maker.upper_edge
+        shape: dict[str, Any] = {"box": {"min": (left, low), "max": (right, high)}}
+        if self.dimensions == 3:
+            front, back = maker.width or (0.0, 1.0)
+            shape = {"box": {"min": (left, front, low), "max": (right, back, high)}}
+        elif maker.paddle == "flap":
+            # Its back is cut away below, so that it does not turn into the bed.
+            cut = low + 0.3 * thickness
+            shape = {"polygon": ((right, low), (right, high), (left, high), (left, cut))}
+        body = Body.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
+        motion = BodyMotion.model_construct(kind="waves")
+        return body.model_copy(update={"motion": motion})
 
     @model_validator(mode="before")
     @classmethod
@@ -276,6 +298,8 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _holds_together(self) -> Scene:
+        if self.wave_maker:
+            self.__dict__["bodies"] = (*self.bodies, self._paddle(self.wave_maker))
         if found := list(_contradictions(self)):
             raise faults(found)
         return self
@@ -335,13 +359,18 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             yield "bodies", "a scene with images has no bodies: they would not be seen through them"
         if scene.density_diffusion.model == "antuono":
             yield "density_diffusion.model", "antuono does not know images; take fourtakas"
-    for kind in ("walls", "images", "fluids", "bodies", "gauges"):
+    for kind in ("walls", "images", "fluids", "bodies", "damping_zones", *INSTRUMENTS):
         seen: dict[str, int] = {}
         for i, part in enumerate(getattr(scene, kind)):
             # Records are files named after the part, and some file systems do not tell A from a.
             first = seen.setdefault(part.name.casefold(), i)
             if first != i:
                 yield f"{kind}[{i}].name", f"'{part.name}' is the name of {kind}[{first}] already"
+    yield from _strange_to_instruments(scene)
+    for i, zone in enumerate(scene.damping_zones):
+        for name in ("period", "depth"):
+            if getattr(zone, name) is None and (scene.wave_maker is None or getattr(scene.wave_maker, name) is None):
+                yield f"damping_zones[{i}].{name}", "this field is missing, without a wave_maker that has one"
     for i, fluid in enumerate(scene.fluids):
         if fluid.material not in scene.materials:
             hint = nearest(fluid.material, scene.materials)
@@ -391,6 +420,24 @@ def _strange_to_dummies(scene: Scene) -> Iterator[tuple[str, str]]:
     for path, is_there in strange.items():
         if is_there:
             yield path, "walls of dummy particles do not know this yet; take another wall_model.force"
+
+
+def _strange_to_instruments(scene: Scene) -> Iterator[tuple[str, str]]:
+    """(path, message) for an instrument on a wall or a body that is not there, or a record held against no column."""
+    walls, bodies = [wall.name for wall in scene.walls], [body.name for body in scene.bodies]
+    for kind in ("forces", "run_up"):
+        for i, part in enumerate(getattr(scene, kind)):
+            if part.wall not in walls:
+                yield f"{kind}[{i}].wall", f"no wall named '{part.wall}'{nearest(part.wall, walls)}"
+    for i, probe in enumerate(scene.probes):
+        if probe.body is not None and probe.body not in bodies:
+            yield f"probes[{i}].body", f"no body named '{probe.body}'{nearest(probe.body, bodies)}"
+    known = {"gauges": ("level",), "probes": ("pressure", *("uw" if scene.dimensions == 2 else "uvw"))}
+    for kind, names in known.items():
+        for i, part in enumerate(getattr(scene, kind)):
+            if part.observed and part.observed.quantity not in (None, *names):
+                wanted = part.observed.quantity
+                yield f"{kind}[{i}].observed.quantity", f"no column is named '{wanted}'{nearest(wanted, names)}"
 
 
 def _yielding(scene: Scene) -> dict[str, Rheology]:
@@ -460,6 +507,16 @@ def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
         spatial[f"{path}.motion.axis"] = body.motion.axis if body.motion else None
         plane |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("polygon", "disc", "path")}
         scalars |= {f"{path}.spin": (body.spin, "[wx, wy, wz]"), f"{path}.inertia": (body.inertia, "[Jx, Jy, Jz]")}
+    points |= {f"probes[{i}].at": probe.at for i, probe in enumerate(scene.probes)}
+    for kind in ("forces", "run_up"):
+        for i, part in enumerate(getattr(scene, kind)):
+            if part.part:
+                points |= {f"{kind}[{i}].part.{end}": getattr(part.part, end) for end in ("min", "max")}
+    points |= {f"forces[{i}].about": force.about for i, force in enumerate(scene.forces)}
+    for i, gate in enumerate(scene.overtopping):
+        points |= {f"overtopping[{i}].{end}": getattr(gate, end) for end in ("start", "end")}
+    if scene.wave_maker:
+        needed["wave_maker.width"] = scene.wave_maker.width
     needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
     view = scene.output.view
     spatial |= {"output.view.y": view.y, "output.view.projection": view.projection}
@@ -518,10 +575,14 @@ def load_scene(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
 
 def _find_files(data: dict[str, Any], folder: Path) -> None:
     """Make the paths of files that a scene names absolute, so that the scene of the run folder finds them too."""
-    gauges = data.get("gauges")
-    for gauge in gauges if isinstance(gauges, list) else ():
-        if isinstance(gauge, dict) and isinstance(gauge.get("observed"), str):
-            gauge["observed"] = str((folder / gauge["observed"]).resolve())
+    for kind in ("gauges", "probes"):
+        for part in data.get(kind) if isinstance(data.get(kind), list) else ():
+            seen = part.get("observed") if isinstance(part, dict) else None
+            if isinstance(seen, dict) and isinstance(seen.get("file"), str):
+                seen["file"] = str((folder / seen["file"]).resolve())
+    maker = data.get("wave_maker")
+    if isinstance(maker, dict) and isinstance(maker.get("file"), str):
+        maker["file"] = str((folder / maker["file"]).resolve())
     bodies = data.get("bodies")
     for body in bodies if isinstance(bodies, list) else ():
         shape = body.get("shape") if isinstance(body, dict) else None

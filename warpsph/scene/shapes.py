@@ -100,7 +100,10 @@ class Shape(Part):
 class MeshFile(Part):
     """A closed surface from a file."""
 
-    file: Line = Field(description="Path of the file, from the scene file's folder [-]; whatever meshio reads.")
+    file: Line = Field(
+        description="Path of the file, from the scene file's folder [-]; STL, OBJ, PLY, OFF, GLB; with meshio VTK, "
+        "MSH and more."
+    )
     scale: Annotated[Real, Field(ge=1e-9, le=1e9)] = Field(1.0, description="Metres to a unit of the file [-].")
 
 

@@ -136,7 +136,7 @@ def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
             inner = f"{path}.{key}" if path else key
             first = source.places.get(inner)
             note(inner, key_node.start_mark)
-            if key in data:
+            if first and key in data:
                 raise source.error(inner, f"written twice; the first is at {first[1]}")
             data[key] = plain(value_node, inner, above)
         return data

@@ -1,6 +1,6 @@
 """Weakly compressible flow: pressure by a state equation, steps short enough for sound. Vasco (2014), chapter 4."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,7 +18,7 @@ from warpsph.step.fluid import DensityFilter, Fluid
 from warpsph.step.ghosts import NoGhosts
 from warpsph.step.neighbours import Neighbours
 from warpsph.step.viscosity import NoViscosity, Viscosity
-from warpsph.step.walls import DummyWalls, PointWalls
+from warpsph.step.walls import DummyWalls, PointWalls, Walls
 
 
 class WeaklyCompressible:
@@ -28,6 +28,7 @@ class WeaklyCompressible:
         evaluations, sweeps, acts: As of every `Scheme`.
         neighbours: The lists that steps read.
         viscosity: Of the materials themselves.
+        fluid: What particles do in a step.
     """
 
     fields: Mapping[str, type] = {
@@ -40,25 +41,27 @@ class WeaklyCompressible:
     def __init__(self, model: Model, state: State, bodies: Coupling | None = None) -> None:
         self._model, self._state = model, state
         self.neighbours = Neighbours(model, state, bodies)
-        self.viscosity = Viscosity(model, state, self.neighbours) if model.viscous else NoViscosity()
+        self.viscosity: Viscosity | NoViscosity = NoViscosity()
+        if model.viscous:
+            self.viscosity = Viscosity(model, state, self.neighbours, model.viscous)
         self._bodies = bodies or NoBodies()
         self._ghosts = self.neighbours.ghosts or NoGhosts()
-        self._fluid = Fluid(model, state, self.neighbours)
+        self.fluid = Fluid(model, state, self.neighbours)
         dummies = self.neighbours.dummies
-        self._walls = (
+        self._walls: Walls = (
             DummyWalls(dummies, bodies) if dummies else PointWalls(model, state, self.neighbours, self._bodies)
         )
         self._filter = DensityFilter(model, state, self.neighbours, self._ghosts)
         self._clock = Clock(model, state, self.neighbours, self._ghosts, self._bodies)
         integrator = INTEGRATORS[model.scene.run.integrator]
         self.evaluations, self.sweeps = integrator.evaluations, integrator.sweeps
-        self.acts = integrator.acts(self)
+        self.acts: Sequence[Act] = integrator.acts(self)
 
     # ---------------------------------------------------------------------------------------------- the integrators
 
     def verlet(self) -> list[Act]:
         """Drift, kick, drift: Vasco (2014) eq 76-80. Half of the rates at a time, momentum in the middle."""
-        act, fluid, walls, bodies, clock = self._act, self._fluid, self._walls, self._bodies, self._clock
+        act, fluid, walls, bodies, clock = self._act, self.fluid, self._walls, self._bodies, self._clock
         # What does not wait for all particles goes together: threads that meet less often wait less.
         return [
             act("drift, pressure", fluid.drift_half),  # position and density to n+1/2
@@ -73,6 +76,7 @@ class WeaklyCompressible:
             self.viscosity.over(),  # the materials' own
             act("loads on bodies", walls.take_loads),
             act("kick, drift", fluid.kick),  # velocity and position to n+1, work, limits of the next step
+            act("damping zones", fluid.damp),
             act("kick, contact, drift of bodies", bodies.kick_and_drift),
             act("ghosts at the end", self._ghosts.moved),
             act("walls at the end", walls.show),
@@ -90,7 +94,7 @@ class WeaklyCompressible:
 
         Bodies drift, kick, drift: of the rates in the middle of a step, those of runge_kutta, they have the reaction.
         """
-        act, fluid, bodies, clock = self._act, self._fluid, self._bodies, self._clock
+        act, fluid, bodies, clock = self._act, self.fluid, self._bodies, self._clock
         reach = REACH[self._model.scene.run.integrator]
         return [
             act("pressure", fluid.pack),
@@ -103,6 +107,7 @@ class WeaklyCompressible:
             *(Renamed(one, " ahead") for one in self._evaluation(share=1.0, weight=0.5 / reach)),
             act("loads on bodies", self._walls.take_loads),
             act("correct", fluid.correct),  # everything to n+1, work, limits of the next step
+            act("damping zones", fluid.damp),
             act("kick, contact, drift of bodies", bodies.kick_and_drift),
             act("watch", clock.bound_motion, clock.watch),
             clock,
@@ -113,7 +118,7 @@ class WeaklyCompressible:
 
         The velocity moves on from here by a `share` of the step, in which these rates have a `weight`.
         """
-        act, fluid, walls = self._act, self._fluid, self._walls
+        act, fluid, walls = self._act, self.fluid, self._walls
         return [
             act("walls", walls.press),
             act("work of walls", partial(walls.book, weight)),
@@ -130,11 +135,12 @@ class WeaklyCompressible:
 
     def begin(self) -> list[Stage]:
         """The rate of the first half step: without it the run would be of first order."""
-        return list(self._fluid.continuity()) if self.evaluations == 1 else []
+        # Dummies would be read as whatever memory holds.
+        return [*self._walls.press(), *self.fluid.continuity()] if self.evaluations == 1 else []
 
     def settle(self) -> list[Stage]:
         """Density that does not go on."""
-        return list(self._fluid.settle())
+        return list(self.fluid.settle())
 
     def pack(self) -> list[Stage]:
         """The ghosts of what was packed."""

@@ -1,24 +1,35 @@
-"""Watertight triangle meshes: read, checked and weighed.
+"""Watertight triangle meshes: read, welded, checked and weighed.
 
-Everything here happens once, on the host, in double precision. A refusal is a ValueError of one line.
+Everything here happens once, on the host: trimesh reads and weighs, Warp's tree of boxes finds what is near and inside,
+and distances are taken in double precision then. A refusal is a ValueError of one line that says what to do.
 """
 
 from __future__ import annotations
 
-import contextlib
-import io
+import itertools
+import logging
 import math
+import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from numpy.typing import ArrayLike, NDArray
 
+from warpsph.device.mesh_queries import MeshQueries
 from warpsph.shapes.points import Array
 from warpsph.shapes.section import MassProperties, total_mass
 
-# Triangles at whose middle it is tested that a mesh does not cross itself.
-MOST_TESTED = 400
+log = logging.getLogger("warpsph")
+
+# Corners nearer than this share of the size of a mesh are one: files in text, and programs that cut, keep no more.
+WELD = 1e-5
+# A mesh of more triangles is a scan, not a body, and so is a file of more bytes.
+MOST_TRIANGLES, MOST_BYTES = 2_000_000, 1e9
+# So many doubtful places of a mesh are asked exactly.
+MOST_ASKED = 20
 
 
 @dataclass(frozen=True)
@@ -44,39 +55,48 @@ class Mesh:
         a, b, c = np.moveaxis(self.corners, 1, 0)
         return 0.5 * np.cross(b - a, c - a)
 
+    @cached_property
+    def queries(self) -> MeshQueries:
+        """To ask for nearest triangles, and for the inside."""
+        return MeshQueries(self.vertices, self.triangles)
+
 
 def read_mesh(path: Path | str, scale: float = 1.0) -> Mesh:
-    """The mesh of a file that meshio reads (STL, OBJ, PLY, VTK, ...), its lengths multiplied by `scale`.
+    """The mesh of a file that trimesh reads (STL, OBJ, PLY, OFF, GLB, ...; with meshio installed VTK, MSH and more).
+
+    Its lengths are multiplied by `scale`.
 
     Raises ValueError where there is no such file, no triangles in it, or no solid inside of them.
     """
-    try:
-        import meshio
-    except ImportError:
-        raise ValueError("a mesh is read by meshio, which is not installed: python -m pip install meshio") from None
     if not Path(path).is_file():
         raise ValueError(f"{path}: no such file")
+    if Path(path).stat().st_size > MOST_BYTES:
+        raise ValueError(f"{path}: more than {MOST_BYTES / 1e9:g} GB; make it coarser")
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
-            read = meshio.read(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of readers, about nothing that a user could mend
+            read = trimesh.load_mesh(str(path), process=False)
+        vertices, triangles = np.asarray(read.vertices, float), np.asarray(read.faces, np.int64)
     except (Exception, SystemExit) as error:  # each format has errors of its own
         first = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise ValueError(f"{path}: not a mesh that can be read: {first}") from None
-    found = [block.data for block in read.cells if block.type == "triangle"]
-    for block in read.cells:
-        if block.type == "quad":
-            found += [block.data[:, [0, 1, 2]], block.data[:, [0, 2, 3]]]
-    if not found:
-        kinds = ", ".join(sorted({block.type for block in read.cells})) or "nothing"
-        raise ValueError(f"{path}: there are no triangles in it, but {kinds}")
+        hint = ""
+        if Path(path).suffix.lower().lstrip(".") not in trimesh.available_formats():
+            hint = "; it may be read after python -m pip install meshio"
+        raise ValueError(f"{path}: not a mesh that can be read: {first[:120]}{hint}") from None
+    if not len(triangles):
+        raise ValueError(f"{path}: there are no triangles in it")
     try:
-        return solid_mesh(scale * np.asarray(read.points, float)[:, :3], np.concatenate(found))
+        mesh, welded = _welded(scale * vertices, triangles)
+        if welded:
+            size = float(np.ptp(mesh.vertices, axis=0).max())
+            log.warning("%s: %d corners lay within %.2g m of others, and are welded to them", path, welded, WELD * size)
+        return _checked(mesh)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
 def solid_mesh(vertices: ArrayLike, triangles: ArrayLike) -> Mesh:
-    """The mesh of `vertices` [m], shape [n, 3], and `triangles` of them, equal vertices merged.
+    """The mesh of `vertices` [m], shape [n, 3], and `triangles` of them, vertices that are next to equal merged.
 
     Raises ValueError unless it bounds a solid: closed, turned outwards, and neither touching nor crossing itself.
     """
@@ -84,27 +104,55 @@ def solid_mesh(vertices: ArrayLike, triangles: ArrayLike) -> Mesh:
     triangles = np.asarray(triangles, np.int64).reshape(-1, 3)
     if not len(triangles):
         raise ValueError("the mesh has no triangles")
-    if not np.isfinite(vertices).all():
-        raise ValueError("a vertex of the mesh is not finite")
+    return _checked(_welded(vertices, triangles)[0])
+
+
+def _welded(vertices: Array, triangles: NDArray[np.int64]) -> tuple[Mesh, int]:
+    """A mesh without corners that are next to each other, and how many there were that were not just the same."""
+    if len(triangles) > MOST_TRIANGLES:
+        raise ValueError(f"the mesh has {len(triangles):,} triangles; {MOST_TRIANGLES:,} are the most, make it coarser")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
         raise ValueError(f"a triangle of the mesh names vertex {triangles.max()}; there are {len(vertices)}")
-    size = np.ptp(vertices[triangles.ravel()], axis=0).max()
+    used, triangles = np.unique(triangles, return_inverse=True)
+    vertices, triangles = vertices[used], triangles.reshape(-1, 3)
+    if not np.isfinite(vertices).all():
+        raise ValueError("a vertex of the mesh is not finite")
+    low = vertices.min(axis=0)
+    size = float((vertices.max(axis=0) - low).max())
     if size == 0.0:
         raise ValueError("all vertices of the mesh are the same place")
-    _, kept, merged = np.unique(np.round(vertices / (1e-8 * size)), axis=0, return_index=True, return_inverse=True)
-    triangles = merged.reshape(-1)[triangles]
+    vertices, same = np.unique(vertices, axis=0, return_inverse=True)
+    triangles, count = same.reshape(-1)[triangles], len(vertices)
+    # Two corners may be on both sides of a plane between cells of one lattice, and not of all eight.
+    for shift in itertools.product((0.0, 0.5), repeat=3):
+        place = np.floor((vertices - low) / (2.0 * WELD * size) + shift)
+        _, kept, merged = np.unique(place, axis=0, return_index=True, return_inverse=True)
+        vertices, triangles = vertices[kept], merged.reshape(-1)[triangles]
     a, b, c = triangles.T
-    mesh = Mesh(vertices[kept], triangles[(a != b) & (b != c) & (c != a)])
+    mesh = Mesh(vertices, triangles[(a != b) & (b != c) & (c != a)])
     if not len(mesh.triangles):
         raise ValueError("every triangle of the mesh has shrunk to a line")
+    return mesh, count - len(vertices)
+
+
+def _checked(mesh: Mesh) -> Mesh:
+    """The mesh, if it bounds a solid."""
     _refuse_open(mesh)
-    volume = _volume(mesh)
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    volume = _weighed(mesh).volume
     if volume < 0.0:
-        raise ValueError("the mesh is inside out: its triangles must be counter-clockwise as seen from outside")
+        raise ValueError(
+            "the mesh is inside out: its triangles must be counter-clockwise as seen from outside; flip its normals"
+        )
     if volume <= 1e-9 * size**3:
         raise ValueError("the mesh encloses no volume")
-    _refuse_crossing(mesh)
+    _refuse_crossing(mesh, size)
     return mesh
+
+
+def _weighed(mesh: Mesh) -> trimesh.triangles.MassProperties:
+    """Volume, centre and inertia at a density of 1, about the mean of the vertices."""
+    return trimesh.triangles.mass_properties(mesh.corners - mesh.vertices.mean(axis=0))
 
 
 def solid_mass(
@@ -117,20 +165,17 @@ def solid_mass(
 ) -> MassProperties:
     """Mass properties of what `mesh` encloses, exact for its triangles.
 
-    Sums over the tetrahedra from a point to each triangle (Eberly 2002). Of `density` [kg/m3] and `mass` [kg] one is
+    Of `density` [kg/m3] and `mass` [kg] one is
     given; `centre` [m] and the `inertia` about it [kg m2], shape [3, 3], replace those of a uniform body.
 
     Raises ValueError for a mass that is not above 0, or an inertia that no body has.
     """
-    origin = mesh.vertices.mean(axis=0)
-    a, b, c = np.moveaxis(mesh.corners - origin, 1, 0)
-    six_volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
-    volume, total = six_volumes.sum() / 6.0, a + b + c
-    middle = six_volumes @ total / (24.0 * volume)
-    # Integral of x x^T over each tetrahedron.
-    squares = sum(np.einsum("n,ni,nj->ij", six_volumes, p, p) for p in (a, b, c, total)) / 120.0
-    squares = squares / volume - np.outer(middle, middle)
-    return _mass_of(total_mass(float(volume), density, mass), origin + middle, squares, centre, inertia)
+    origin, weighed = mesh.vertices.mean(axis=0), _weighed(mesh)
+    total, middle = total_mass(float(weighed.volume), density, mass), np.asarray(weighed.center_mass)
+    # The mean of x x^T about the centre, of an inertia J = tr(S) - S.
+    moments = np.asarray(weighed.inertia) / weighed.volume
+    squares = 0.5 * np.trace(moments) * np.eye(3) - moments
+    return _mass_of(total, origin + middle, squares, centre, inertia)
 
 
 def ball_mass(
@@ -173,6 +218,8 @@ def stood_back(mesh: Mesh, distance: float) -> Mesh:
 
     Raises ValueError where the mesh is too thin for that.
     """
+    if distance == 0.0:
+        return mesh
     sizes = np.linalg.norm(mesh.areas, axis=1)
     normals = mesh.areas / np.maximum(sizes, 1e-300)[:, None]
     squares, sums = np.zeros((len(mesh.vertices), 3, 3)), np.zeros((len(mesh.vertices), 3))
@@ -189,7 +236,7 @@ def stood_back(mesh: Mesh, distance: float) -> Mesh:
     is_turned = np.zeros(len(mesh.vertices), dtype=bool)
     lost = (np.einsum("ij,ij->i", back.areas, normals) <= 0.0) & (sizes > 1e-6 * sizes.max())
     is_turned[mesh.triangles[lost].ravel()] = True
-    is_turned |= winding_number(mesh, back.vertices) < 0.5
+    is_turned |= ~contains(mesh, back.vertices)
     is_turned |= distance_to_mesh(mesh, back.vertices) < 0.7 * distance
     if is_turned.any():
         x, y, z = mesh.vertices[np.argmax(is_turned)]
@@ -200,24 +247,24 @@ def stood_back(mesh: Mesh, distance: float) -> Mesh:
     return back
 
 
+def contains(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
+    """Whether each of `points` [k, 3] lies inside, shape [k]."""
+    return mesh.queries.nearest(points)[1]
+
+
 def distance_to_mesh(mesh: Mesh, points: Array) -> Array:
     """Distance from each of `points` [k, 3] to the nearest triangle [m], shape [k]."""
-    a, b, c = np.moveaxis(mesh.corners, 1, 0)
-    normals = mesh.areas / np.maximum(np.linalg.norm(mesh.areas, axis=1), 1e-300)[:, None]
-    nearest = np.empty(len(points))
-    count = max(1, 300_000 // len(a))  # at a time, for the sake of memory
-    for first in range(0, len(points), count):
-        some = points[first : first + count, None]
-        squares = np.full((some.shape[0], len(a)), np.inf)
-        is_over = np.ones(squares.shape, dtype=bool)
-        for start, end in ((a, b), (b, c), (c, a)):
-            way, arm = end - start, some - start
-            share = np.clip(np.einsum("kij,ij->ki", arm, way) / np.maximum((way**2).sum(axis=1), 1e-300), 0.0, 1.0)
-            squares = np.minimum(squares, ((arm - share[:, :, None] * way) ** 2).sum(axis=2))
-            is_over &= np.einsum("kij,ij->ki", arm, np.cross(normals, way)) >= 0.0
-        off = np.einsum("kij,ij->ki", some - a, normals) ** 2
-        nearest[first : first + count] = np.sqrt(np.where(is_over, off, squares).min(axis=1))
-    return nearest
+    a, b, c = np.moveaxis(mesh.corners[mesh.queries.nearest(points)[0]], 1, 0)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    squares, is_over = np.full(len(points), np.inf), np.ones(len(points), dtype=bool)
+    for start, end in ((a, b), (b, c), (c, a)):
+        way, arm = end - start, points - start
+        share = np.clip(np.einsum("ij,ij->i", arm, way) / np.maximum((way**2).sum(axis=1), 1e-300), 0.0, 1.0)
+        squares = np.minimum(squares, ((arm - share[:, None] * way) ** 2).sum(axis=1))
+        is_over &= np.einsum("ij,ij->i", arm, np.cross(normal, way)) >= 0.0
+    off = np.einsum("ij,ij->i", points - a, normal) ** 2
+    return np.sqrt(np.where(is_over, off, squares))
 
 
 def edges_of(mesh: Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -242,37 +289,39 @@ def _refuse_open(mesh: Mesh) -> None:
         raise ValueError(f"the mesh touches itself: {uses.max()} triangles meet in one edge {where(worst)}")
     if (uses < 2).any():
         raise ValueError(
-            f"the mesh is open: {np.sum(uses < 2)} edges have one triangle, the first {where(pairs[np.argmin(uses)])}"
+            f"the mesh is open: {np.sum(uses < 2)} edges have one triangle, the first {where(pairs[np.argmin(uses)])}; "
+            "close its holes"
         )
     ways, uses = np.unique(there, return_counts=True)
     if (uses > 1).any():
         raise ValueError(
-            f"neighbouring triangles of the mesh are turned against each other {where(ways[np.argmax(uses)])}"
+            f"neighbouring triangles of the mesh are turned against each other {where(ways[np.argmax(uses)])}; "
+            "make its normals consistent"
         )
 
 
-def _volume(mesh: Mesh) -> float:
-    a, b, c = np.moveaxis(mesh.corners - mesh.vertices.mean(axis=0), 1, 0)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
-
-
-def _refuse_crossing(mesh: Mesh) -> None:
+def _refuse_crossing(mesh: Mesh, size: float) -> None:
     """Just inside and outside of a triangle the surface winds around a point once and not at all."""
-    normals = mesh.areas
-    sizes = np.linalg.norm(normals, axis=1)
-    tested = np.flatnonzero(sizes > 1e-12 * sizes.max())
-    tested = tested[:: max(1, len(tested) // MOST_TESTED)]
+    ways = np.roll(mesh.corners, -1, axis=1) - mesh.corners
+    area = np.linalg.norm(mesh.areas, axis=1)
+    radius = 2.0 * area / np.linalg.norm(ways, axis=2).sum(axis=1)  # of the circle inside of it
+    tested = np.flatnonzero(radius > 1e-4 * size)
+    steps = np.maximum(0.05 * radius, 1e-5 * size)[tested] / area[tested]
+    steps = mesh.areas[tested] * steps[:, None]
     middles = mesh.corners[tested].mean(axis=1)
-    steps = 1e-4 * normals[tested] / np.sqrt(sizes[tested])[:, None]
     for points, wanted in ((middles - steps, 1.0), (middles + steps, 0.0)):
-        wrong = np.abs(winding_number(mesh, points) - wanted) > 0.25
+        doubtful = np.flatnonzero(contains(mesh, points) != bool(wanted))[:MOST_ASKED]
+        wrong = np.abs(winding_number(mesh, points[doubtful]) - wanted) > 0.25
         if wrong.any():
-            x, y, z = points[np.argmax(wrong)]
-            raise ValueError(f"the mesh crosses itself, near x = {x:.4g} m, y = {y:.4g} m, z = {z:.4g} m")
+            x, y, z = points[doubtful[np.argmax(wrong)]]
+            raise ValueError(
+                f"the mesh crosses itself, near x = {x:.4g} m, y = {y:.4g} m, z = {z:.4g} m; "
+                "unite its parts, or make it anew without what overlaps"
+            )
 
 
 def winding_number(mesh: Mesh, points: Array) -> Array:
-    """How often the surface winds around each of `points` [k, 3]: 1 inside, 0 outside, shape [k].
+    """How often the surface winds around each of a few `points` [k, 3]: 1 inside, 0 outside, shape [k]; exact, slow.
 
     The sum of the solid angles of all triangles over 4 pi, van Oosterom & Strackee (1983).
     """
@@ -304,36 +353,5 @@ def box_mesh(low: ArrayLike, high: ArrayLike) -> Mesh:
 
 def sphere_mesh(centre: ArrayLike, radius: float, refinements: int = 4) -> Mesh:
     """A sphere of `radius` [m] whose triangles, 20 * 4^refinements of them, have its corners on it."""
-    phi = 0.5 * (1.0 + math.sqrt(5.0))
-    vertices = np.array([p for s in (1, -1) for t in (phi, -phi) for p in ([0, s, t], [s, t, 0], [t, 0, s])], float)
-    # Neighbours of an icosahedron are 2 apart.
-    near = np.isclose(np.linalg.norm(vertices[:, None] - vertices, axis=2), 2.0)
-    triangles = np.array(
-        [
-            (i, j, k)
-            for i in range(12)
-            for j in range(i + 1, 12)
-            for k in range(j + 1, 12)
-            if near[i, j] and near[j, k] and near[k, i]
-        ]
-    )
-    a, b, c = np.moveaxis(vertices[triangles], 1, 0)
-    inward = np.einsum("ij,ij->i", a, np.cross(b, c)) < 0.0
-    triangles[inward] = triangles[inward][:, ::-1]
-    for _ in range(refinements):
-        count = len(vertices)
-        edges = np.concatenate([triangles[:, [i, (i + 1) % 3]] for i in range(3)])
-        pairs, middle = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
-        vertices = np.concatenate([vertices, vertices[pairs].mean(axis=1)])
-        m = (count + middle.reshape(3, -1)).T
-        triangles = np.concatenate(
-            [
-                np.stack([triangles[:, 0], m[:, 0], m[:, 2]], axis=1),
-                np.stack([triangles[:, 1], m[:, 1], m[:, 0]], axis=1),
-                np.stack([triangles[:, 2], m[:, 2], m[:, 1]], axis=1),
-                m,
-            ]
-        )
-        vertices /= np.linalg.norm(vertices, axis=1)[:, None]
-    unit = vertices / np.linalg.norm(vertices, axis=1)[:, None]
-    return solid_mesh(np.asarray(centre, float) + radius * unit, triangles)
+    ball = trimesh.creation.icosphere(subdivisions=refinements, radius=radius)
+    return Mesh(np.asarray(centre, float) + np.asarray(ball.vertices), np.asarray(ball.faces, np.int64))

@@ -8,19 +8,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import product
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.scene.boundaries import Face
-from warpsph.scene.scene import Scene
-from warpsph.scene.shapes import Shape
-from warpsph.shapes.outline import Array, Line, Outline, closed_outline, wall_outline
+from warpsph.shapes.outline import Array, Line, Outline
 from warpsph.shapes.points import BLOCK, in_plane, in_space, inside_box, turned
 from warpsph.shapes.points import around as around  # for model and place, until they ask points for it
 
-FACES = get_args(Face)  # two for each axis, the low one first
+FACES = ("left", "right", "front", "back", "bottom", "top")  # two for each axis, the low one first
 
 
 def contains(polygon: Array, points: Array) -> NDArray[np.bool_]:
@@ -29,7 +25,8 @@ def contains(polygon: Array, points: Array) -> NDArray[np.bool_]:
     x, z = points[:, 0], points[:, 1]
     for (ax, az), (bx, bz) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if az != bz:
-            inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
+            with np.errstate(over="ignore"):  # of a side that is next to level: which part of it counts, one cannot say
+                inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
     return inside
 
 
@@ -178,7 +175,7 @@ class Crate:
 
     low: Array
     high: Array
-    open: frozenset[Face]
+    open: frozenset[str]
 
     @property
     def closed(self) -> bool:
@@ -321,17 +318,6 @@ class Crate:
         return np.array(faces)
 
 
-def wall_surface(scene: Scene, index: int) -> Sheet | Crate:
-    """`scene.walls[index]` in space.
-
-    Raises SceneError for a path that cannot be drawn.
-    """
-    wall = scene.walls[index]
-    if scene.dimensions == 3 and wall.box:
-        return Crate(np.array(wall.box.min), np.array(wall.box.max), frozenset(wall.box.open or ()))
-    return Sheet(wall_outline(scene, index), wall.width)
-
-
 # -------------------------------------------------------------------------------------------------------------- fluids
 
 
@@ -442,21 +428,3 @@ class Sphere:
         """Height of its surface straight above each of `points` [m], shape [n]."""
         beside = ((points - self.center)[:, :2] ** 2).sum(axis=1)
         return self.center[2] + np.sqrt(np.maximum(self.radius**2 - beside, 0.0))
-
-
-def solid(scene: Scene, shape: Shape) -> Prism | Sphere:
-    """`shape` in space."""
-    if shape.sphere:
-        return Sphere(np.array(shape.sphere.center), shape.sphere.radius)
-    outline = closed_outline(shape)
-    area = math.pi * shape.disc.radius**2 if shape.disc else _area(outline.polygon())
-    if scene.dimensions == 2:
-        return Prism(outline, (-0.5 * scene.spacing, 0.5 * scene.spacing), area)
-    width = shape.width or (shape.box.min[1], shape.box.max[1])
-    return Prism(outline, width, area * (width[1] - width[0]))
-
-
-def _area(polygon: Array) -> float:
-    """Area that a polygon [k, 2] encloses [m2]."""
-    x, z = polygon.T
-    return abs(float(np.sum(x * np.roll(z, -1) - z * np.roll(x, -1)))) / 2

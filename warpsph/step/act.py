@@ -5,7 +5,7 @@ from typing import Protocol
 
 from warpsph.device.launch import Launch, Launcher
 
-Stage = Launch | Callable[[], None]
+Stage = Callable[[], None]
 Part = Callable[[], Sequence[Stage]]
 
 
@@ -30,9 +30,11 @@ class Together:
     def stages(self) -> dict[str, Stage]:
         """One stage, or none."""
         found = [launch for part in self._parts for launch in part()]
-        if not found:
-            return {}
-        return {self._name: found[0] if len(found) == 1 else self._launcher.chain(*found)}
+        launches = [launch for launch in found if isinstance(launch, Launch)]
+        if len(found) > 1:
+            assert len(launches) == len(found), "what is no launch cannot go together with others"
+            return {self._name: self._launcher.chain(*launches)}
+        return {self._name: found[0]} if found else {}
 
 
 class Renamed:

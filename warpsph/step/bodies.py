@@ -15,8 +15,8 @@ from warpsph.kernels import loads
 from warpsph.kernels.walls import wall_acceleration_kernel
 from warpsph.model import Model
 from warpsph.placement.bodies import contact_of_walls
+from warpsph.placement.drawing import wall_surface
 from warpsph.placement.place import Start
-from warpsph.shapes.surface import wall_surface
 from warpsph.state import State
 from warpsph.step.act import Stage
 

@@ -9,7 +9,7 @@ from typing import Any
 import warp as wp
 
 from warpsph.device.launch import Launch
-from warpsph.kernels import corrections, density, integrators
+from warpsph.kernels import corrections, damping, density, integrators
 from warpsph.kernels.rates import rates_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
 from warpsph.model import Model
@@ -75,6 +75,13 @@ class Fluid:
     def drift_half(self) -> list[Launch]:
         """Position and density to n+1/2, pressure."""
         return self._record(integrators.drift_half)
+
+    def damp(self) -> list[Launch]:
+        """What damping zones take from waves."""
+        m = self._model
+        if m.zones is None:
+            return []
+        return self._record(damping.damp_in_zones, work=self._state.particle_work)
 
     def kick(self) -> list[Launch]:
         """Velocity and position to n+1, work, limits of the next step."""

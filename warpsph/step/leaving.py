@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpsph.kernels import integrators
+from warpsph.kernels import clock
 from warpsph.model import Model
 from warpsph.state import State
 
@@ -68,8 +68,8 @@ class Leaving:
         """
         s, nobody = self._state, len(self._model.fluid_names)
         faults = s.particle_fault.numpy()
-        slots = np.flatnonzero(faults != int(integrators.SOUND))
-        absurd = faults[slots] != int(integrators.OUTSIDE)
+        slots = np.flatnonzero(faults != int(clock.SOUND))
+        absurd = faults[slots] != int(clock.OUTSIDE)
         dropped = self._dropped + int(absurd.sum())
         if not len(slots) or (absurd.any() and not drop_absurd):
             return False
@@ -90,7 +90,7 @@ class Leaving:
         old["density"][slots] = self._model.parameters.rest_density.numpy()[nobody]
         for name in names[1:]:
             getattr(s, name).assign(old[name])
-        for name in ("acceleration", "density_rate", "last_diffusion_rate", "xsph_velocity"):
+        for name in set(s.particle_names) - set(names):  # rates and whatever else a scheme keeps of them
             values = getattr(s, name).numpy()
             values[slots] = 0.0
             getattr(s, name).assign(values)

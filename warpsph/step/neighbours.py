@@ -113,7 +113,7 @@ class Neighbours:
         return self._fill_lists()
 
     def _fill_lists(self) -> bool:
-        has_more_ghosts = bool(self.ghosts) and self.ghosts.make()
+        has_more_ghosts = self.ghosts is not None and self.ghosts.make()
         if has_more_ghosts:
             self._permute = self._record_permutation()
         self._too_long.zero_()

@@ -8,7 +8,7 @@
 Which acts there are, and in which order, is told by the schemes: schemes/weakly_compressible.py.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from warpsph.kernels.clock import aim_clock
@@ -73,7 +73,8 @@ class Step:
         self.evaluations, self.sweeps = scheme.evaluations, scheme.sweeps
         self.settling = False
         self.loops = model.launcher.can_loop
-        self._loop, self._loop_settles = None, False
+        self._loop: Callable[[], None] | None = None
+        self._loop_settles = False
         self._aim = model.launcher.record(aim_clock, 1, state)
         state.dt_limit.fill_(scheme.first_dt())
         self._rebuild()

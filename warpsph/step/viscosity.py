@@ -14,7 +14,7 @@ from warpsph.kernels.layout import Layout
 from warpsph.kernels.rheology import apparent_viscosity_kernel
 from warpsph.kernels.shifting import change_with_place
 from warpsph.model import Model
-from warpsph.rheology import legendre_stages
+from warpsph.rheology import Viscous, legendre_stages
 from warpsph.state import State
 from warpsph.step.act import Stage
 from warpsph.step.neighbours import Neighbours
@@ -37,23 +37,23 @@ class Viscosity:
         balance: lambda of balance.py, now [1/m]; `state.balance` is that of the step before.
     """
 
-    def __init__(self, model: Model, state: State, neighbours: Neighbours) -> None:
-        self.model, self.state, self.neighbours = model, state, neighbours
+    def __init__(self, model: Model, state: State, neighbours: Neighbours, viscous: Viscous) -> None:
+        self.model, self.state, self.neighbours, self.viscous = model, state, neighbours, viscous
         count, device = model.particle_count, model.launcher.device
-        by_stages, by_stress = model.viscous.stages > 1, model.viscous.form == "stress"
+        by_stages, by_stress = self.viscous.stages > 1, self.viscous.form == "stress"
 
         def zeros(dtype: type, wanted: bool = True) -> wp.array:
             return wp.zeros(count if wanted else 1, dtype=dtype, device=device)
 
         self.velocity_viscosity = (zeros(wp.vec4), zeros(wp.vec4, by_stages))
-        self.material_viscosity = state.apparent_viscosity if model.viscous.law else zeros(float)
+        self.material_viscosity = state.apparent_viscosity if self.viscous.law else zeros(float)
         self.viscosity, self.second_moment = zeros(float), zeros(float)
         self.rate = (zeros(wp.vec3), zeros(wp.vec3, by_stages))
         self.mean_rate = (zeros(wp.vec3, by_stages), zeros(wp.vec3, by_stages))
         self.velocity_gradient = zeros(wp.mat33)
         rows = 1 if model.formulas.dimensions == 2 else 3
         self.stress = wp.zeros(rows * count if by_stress else 1, dtype=wp.vec4, device=device)
-        self.balance = zeros(wp.vec3, model.viscous.balanced)
+        self.balance = zeros(wp.vec3, self.viscous.balanced)
         self.images = model.images or Images()
         self._no_ghosts = wp.zeros(1, dtype=int, device=device)
 
@@ -77,16 +77,15 @@ class Viscosity:
         """What it has allocated."""
         mine = [*self.velocity_viscosity, *self.rate, *self.mean_rate, self.velocity_gradient, self.stress]
         mine += [self.viscosity, self.second_moment, self.balance]
-        return mine if self.model.viscous.law else [*mine, self.material_viscosity]
+        return mine if self.viscous.law else [*mine, self.material_viscosity]
 
     def prepare(self) -> list[Launch]:
         """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads.
 
         With the velocity gradient that it takes go the velocities of particles that shifting moves.
         """
-        m = self.model
         start = self._record(
-            viscosity.with_viscosity if m.viscous.stages == 1 else viscosity.start_stages,
+            viscosity.with_viscosity if self.viscous.stages == 1 else viscosity.start_stages,
             velocity_viscosity=self.velocity_viscosity[0],
         )
         normalise = self._record(
@@ -96,10 +95,8 @@ class Viscosity:
 
     def _apparent(self) -> list[Launch]:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
-        viscous, found = (
-            self.model.viscous,
-            {"rheology": self.model.viscous.rheology, "viscosity": self.material_viscosity},
-        )
+        viscous = self.viscous
+        found = {"rheology": viscous.rheology, "viscosity": self.material_viscosity}
         gradient = self._gradient(self.state.velocity_pressure)
         if viscous.law is None:
             return [gradient, self._record(viscosity.newtonian_viscosity, **found)]
@@ -112,14 +109,14 @@ class Viscosity:
         That is the apparent viscosity, and what has yielded: steps make the former for themselves, at their middle.
         """
         m, s = self.model, self.state
-        if m.viscous.law is None:
+        if self.viscous.law is None:
             return []
         tell = self._record(
-            stress.yielding_kernel(m.formulas.smoothing, m.viscous.mean, *self._flow),
+            stress.yielding_kernel(m.formulas.smoothing, self.viscous.mean, *self._flow),
             packed_velocity=s.velocity_pressure,
             place=s.position_volume,
             viscosity=self.material_viscosity,
-            yield_stress=m.viscous.rheology.yield_stress,
+            yield_stress=self.viscous.rheology.yield_stress,
         )
         return [*self._apparent(), tell]
 
@@ -133,7 +130,7 @@ class Viscosity:
         With stages it is the mean over `share` of the step that begins with `state.velocity`, with the other
         accelerations of the state.
         """
-        chain, count = self.model.launcher.chain, self.model.viscous.stages
+        chain, count = self.model.launcher.chain, self.viscous.stages
         if count == 1:
             *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
             last = [self._add(self.rate[0]), *self._keep_balance()]
@@ -192,7 +189,7 @@ class Viscosity:
     def _find_balance(self) -> list[Launch]:
         """The launch that takes lambda a sweep further, if weights are balanced."""
         m, s = self.model, self.state
-        if not m.viscous.balanced:
+        if not self.viscous.balanced:
             return []
         reads = {"packed_velocity": s.velocity_pressure, "place": s.position_volume}
         kernel = balance_kernel(m.formulas.smoothing, *self._flow)
@@ -200,7 +197,7 @@ class Viscosity:
 
     def _keep_balance(self) -> list[Launch]:
         """The launch that keeps lambda for the next step."""
-        if not self.model.viscous.balanced:
+        if not self.viscous.balanced:
             return []
         return [self._record(keep_balance, balance=self.balance, kept_balance=self.state.balance)]
 
@@ -208,9 +205,9 @@ class Viscosity:
         """L of a velocity; what comes before the last launch must be over when that begins."""
         m, place = self.model, self.state.position_volume
         reads = {"velocity_viscosity": velocity_viscosity, "place": place, "balance": self.balance}
-        names = (m.formulas.smoothing, m.viscous.mean)
-        if m.viscous.form == "stress":
-            kernel = stress.stress_acceleration_kernel(*names, *self._flow, m.viscous.balanced)
+        names = (m.formulas.smoothing, self.viscous.mean)
+        if self.viscous.form == "stress":
+            kernel = stress.stress_acceleration_kernel(*names, *self._flow, self.viscous.balanced)
             transposed = stress.transposed_stress_kernel(m.formulas.dimensions)
             return [
                 self._gradient(velocity_viscosity),
@@ -218,7 +215,9 @@ class Viscosity:
                 self._record(kernel, stress_acceleration=rate, **reads),
             ]
         smoothing, mean = names
-        kernel = viscosity.viscous_acceleration_kernel(smoothing, m.viscous.form, mean, *self._flow, m.viscous.balanced)
+        kernel = viscosity.viscous_acceleration_kernel(
+            smoothing, self.viscous.form, mean, *self._flow, self.viscous.balanced
+        )
         return [self._record(kernel, viscous_acceleration=rate, **reads)]
 
     def _gradient(self, packed_velocity: wp.array) -> Launch:

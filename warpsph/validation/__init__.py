@@ -16,9 +16,13 @@ from warpsph.validation.blocks import (
     measure_mki_series,
 )
 from warpsph.validation.bodies import measure_floating_box, measure_sinking_disc
+from warpsph.validation.dam_break import DAM_BREAKS as COLUMNS
+from warpsph.validation.dam_break import measure_dam_break
 from warpsph.validation.landslide import measure_landslide
+from warpsph.validation.reservoir import measure_reservoir
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
+from warpsph.validation.submarine import measure_submarine_slide
 from warpsph.validation.viscous import (
     COUETTE_TIMES,
     DAM_BREAKS,
@@ -38,6 +42,7 @@ from warpsph.validation.viscous import (
     measure_plane_poiseuille,
     until,
 )
+from warpsph.validation.waves import SOLITARY, WAVE_MAKER, measure_solitary, measure_wave_maker
 from warpsph.validation.wedge_entry import measure_wedge_entry
 
 # A series leaves out what nobody looks at.
@@ -100,6 +105,11 @@ CASES: Mapping[str, Case | Series] = {
         _releases((1.2, 1.5, 1.8, 2.1, 2.4), 10.0, 0.021),
         measure_mki_series,
     ),
+    "dam_break": Series("columns of water collapse", "dam_break", COLUMNS, measure_dam_break),
+    "reservoir": Case("a reservoir empties through a slot", measure_reservoir),
+    "submarine_slide": Case("a rigid slide runs down a slope under water", measure_submarine_slide),
+    "wave_maker": Series("a piston makes regular waves", "wave_maker", WAVE_MAKER, measure_wave_maker),
+    "solitary": Series("a piston makes solitary waves", "solitary", SOLITARY, measure_solitary),
     "interpolation": Series("f = x + z on a patch of particles", "interpolation", PATCH, measure_interpolation),
     "periodic_shear": Series("a shear wave decays", "periodic_shear", SHEAR, measure_periodic_shear),
     "poiseuille_free_surface": Series(

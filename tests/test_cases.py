@@ -1,0 +1,114 @@
+"""Inputs that went wrong once, tests/cases/README.md: each row right, for the sake of its kind."""
+
+import json
+import logging
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpsph.bodies.motion import read_table
+from warpsph.cli import OK, main
+from warpsph.placement.place import place
+from warpsph.scene.scene import SceneError, load_scene
+from warpsph.shapes.mesh import read_mesh, solid_mass
+
+CASES = Path(__file__).parent / "cases"
+PADDLE = [
+    "walls[0].path=[[-1.0, 0.6], [-1.0, 0.0], [3.0, 0.0], [3.0, 0.6]]",
+    "spacing=0.04",
+    "fluids[0].fill.level=0.32",
+]
+
+
+def paddle(file: str):
+    return load_scene(CASES / "paddle_csv" / "paddle.yaml", [*PADDLE, f"bodies[0].motion.file={file}"])
+
+
+def error_of(scene) -> str:
+    with pytest.raises(SceneError) as caught:
+        place(scene)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 600
+    return str(caught.value)
+
+
+def test_a_splash_leaves_and_the_run_goes_on(tmp_path):
+    splash = ["scene", str(CASES / "overflow" / "splash.yaml"), "--out", str(tmp_path / "run"), "--threads", "1"]
+    assert main([*splash, "--set", "output.pictures=false", "--until", "0.2"]) == OK
+    facts = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert facts["outcome"] == "done" and facts["left"]["particles"] > 0
+    assert facts["conservation"]["mass / mass placed"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_paddle_that_rests_rests():
+    table = read_table(CASES / "paddle_csv" / "wait_then_push.csv")
+    assert (table.shift.min(), table.shift.max()) == (0.0, pytest.approx(0.1))
+    rates, steps = table.rates()[0][:, 0], np.diff(table.shift[:, 0]) / np.diff(table.time)
+    for k, step in enumerate(steps):  # Fritsch & Carlson (1980): monotone if both rates are within 0 and 3 slopes
+        assert all(0.0 <= rate * np.sign(step) <= 3.0 * abs(step) for rate in rates[k : k + 2])
+
+
+def test_a_table_that_begins_elsewhere_is_counted_from_its_first_row():
+    placement = place(paddle("offset.csv"))
+    assert placement.solids[0].body.motion.table.shift[0, 0] == 0.0
+    assert any("its first row has x = 0.5 m, from which it is counted" in warning for warning in placement.warnings)
+
+
+def test_a_jump_is_refused_with_its_row():
+    told = error_of(paddle("jump.csv"))
+    assert "bodies[0].motion.file" in told and "jump.csv:4: gets to this row with 500 m/s, faster than sound" in told
+
+
+@pytest.mark.parametrize("file", ["semicolon.csv", "excel_de.csv"])
+def test_a_german_spreadsheet_is_read(file):
+    table = read_table(CASES / "paddle_csv" / file)
+    assert table.time[1] == pytest.approx(0.05) and table.shift[1, 0] == pytest.approx(0.00618)
+    place(paddle(file))
+
+
+def test_millimetres_are_told_at_once():
+    began = time.process_time()
+    scene = load_scene(CASES / "stl" / "box.yaml", ["bodies[0].shape.mesh={file: cube_mm.stl}"])
+    assert "it is 200 m wide, and the walls 0.6 m; millimetres? scale: 0.001" in error_of(scene)
+    assert time.process_time() - began < 10.0
+
+
+def test_a_mesh_far_away_is_told():
+    scene = load_scene(CASES / "stl" / "box.yaml", ["bodies[0].at=[5000, 0.3, 0.4]"])
+    assert "m from the walls, around x = 5000 m" in error_of(scene)
+
+
+@pytest.mark.parametrize(("file", "welded"), [("cube_mm_ascii.stl", False), ("cube_jitter.stl", True)])
+def test_what_cad_writes_is_read_without_noise(file, welded, caplog, monkeypatch):
+    monkeypatch.setattr(logging.getLogger("warpsph"), "propagate", True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mesh = read_mesh(CASES / "stl" / file)
+    assert (len(mesh.vertices), len(mesh.triangles)) == (8, 12)
+    assert solid_mass(mesh, density=1.0).mass == pytest.approx(np.prod(np.ptp(mesh.vertices, axis=0)), rel=1e-4)
+    assert ("are welded to them" in caplog.text) == welded
+
+
+def test_a_ball_of_triangles_is_placed_in_a_moment():
+    began = time.process_time()
+    placement = place(load_scene(CASES / "stl" / "ball.yaml"))
+    assert placement.solids[0].body.mass.mass == pytest.approx(500.0 * 4.0 / 3.0 * np.pi * 0.1**3, rel=0.05)
+    assert time.process_time() - began < 10.0
+
+
+def test_air_that_cannot_carry_water_is_refused_with_what_can():
+    air = CASES / "two_fluids" / "air_above.yaml"
+    told = error_of(load_scene(air))
+    assert "materials.oil.sound_speed: 25 m/s is too low to carry 0.195 m of 'water'" in told
+    least = float(told.split("at least ")[1].split()[0])
+    placement = place(load_scene(air, [f"materials.oil.sound_speed={least}"]))
+    assert any("is low to carry" in warning for warning in placement.warnings)
+
+
+@pytest.mark.parametrize(("c", "words"), [(20, "too low for a drop"), (23, "low for a drop"), (31, "low for a drop")])
+def test_sound_that_an_impact_outruns_is_told(c, words):
+    scene = load_scene(CASES / "impact" / "impact.yaml", [f"materials.water.sound_speed={c}", "spacing=0.04"])
+    told = error_of(scene) if c == 20 else " ".join(place(scene).warnings)
+    assert words in told and "advised" in told
