@@ -11,8 +11,9 @@ from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.instruments import find_tops
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.model import Model
+from warpsph.placement.drawing import wall_surface
 from warpsph.shapes.points import Array
-from warpsph.shapes.surface import Crate, Sheet, wall_surface
+from warpsph.shapes.surface import Crate, Sheet
 from warpsph.state import State
 from warpsph.step.neighbours import Neighbours
 

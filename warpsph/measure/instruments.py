@@ -21,10 +21,11 @@ from warpsph.kernels import instruments as kernels
 from warpsph.kernels.neighbours import scatter_kernel
 from warpsph.measure.compare import read_observed
 from warpsph.model import Model
+from warpsph.placement.drawing import wall_surface
 from warpsph.scene.instruments import Force, RunUp
 from warpsph.scene.scene import Scene
 from warpsph.shapes.points import Array, in_space, spatial
-from warpsph.shapes.surface import Crate, Sheet, wall_surface
+from warpsph.shapes.surface import Crate, Sheet
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
 from warpsph.step.neighbours import Neighbours

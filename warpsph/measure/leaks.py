@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpsph.device.cells import Cells, cell_grid
 from warpsph.kernels import leaks as kernels
 from warpsph.model import Model
-from warpsph.shapes.surface import wall_surface
+from warpsph.placement.drawing import wall_surface
 
 # Cells grow to twice their width from one round to the next. Of the wall points one is left, of each way that they
 # face, in each of so many parts of a cell along its edge.
