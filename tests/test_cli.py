@@ -168,6 +168,25 @@ def test_version_and_help(capsys):
     assert "run a scene" in capsys.readouterr().out
 
 
+def test_a_shell_completes_commands_options_scenes_and_files(capsys, tmp_path):
+    assert run("completion", "bash") == OK
+    script = tmp_path / "completion.sh"
+    script.write_text(capsys.readouterr().out)
+    (tmp_path / "mine.yaml").touch()
+    for words, wanted in (
+        (["warpsph", "che"], ["check"]),
+        (["warpsph", "scene", "landslide_0"], ["landslide_0175", "landslide_0200"]),
+        (["warpsph", "scene", "mine"], ["mine.yaml"]),
+        (["warpsph", "resume", "--un"], ["--until"]),
+    ):
+        asked = (
+            f'COMP_WORDS=({" ".join(words)}); COMP_CWORD={len(words) - 1}; _warpsph; printf "%s\\n" "${{COMPREPLY[@]}}"'
+        )
+        command = ["bash", "-c", f". {script}; {asked}"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == wanted, done.stderr
+
+
 def test_schema_is_printed(capsys):
     assert run("schema") == OK
     assert json.loads(capsys.readouterr().out)["properties"]["spacing"]["description"]

@@ -41,7 +41,7 @@ def test_the_lines_of_the_page_run(told):
 def test_records_come_with_their_units(told):
     folder, names = told
     run, gauge = names["run"], names["gauge"]
-    assert set(run) == {"energy", "gauges/g12", "gauges/g17", "fluids/slide", "fluids/water"}
+    assert set(run) == {"energy", "left", "gauges/g12", "gauges/g17", "fluids/slide", "fluids/water"}
     assert gauge.units == {"time": "s", "level": "m"}
     written = read_record(folder / "runs" / "notebook" / "gauges" / "g17.csv")
     np.testing.assert_array_equal(gauge["level"], written["level [m]"])

@@ -160,7 +160,36 @@ def _parser() -> argparse.ArgumentParser:
     screen.add_argument("--angle", type=float, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin")
     command("list", _list, "name the scenes that ship with warpsph")
     command("schema", _schema, "print the JSON Schema of a scene file, for editors")
+    completion = command(
+        "completion", lambda _: _completion(commands.choices), "print what completes these words in a shell"
+    )
+    completion.add_argument("shell", choices=("bash", "zsh"), help='eval "$(warpsph completion bash)" in ~/.bashrc')
     return parser
+
+
+def _completion(commands: dict[str, argparse.ArgumentParser]) -> int:
+    """Print a function of bash, which zsh takes too, that completes commands, options, scenes that ship, and files."""
+    options = {
+        name: " ".join(word for action in parser._actions for word in action.option_strings)
+        for name, parser in commands.items()
+    }
+    scenes = " ".join(sorted(path.stem for path in SCENES.glob("*.yaml")))
+    cases = "\n".join(f"    {name}) words='{words}' ;;" for name, words in options.items())
+    _print(f"""\
+[ -n "$ZSH_VERSION" ] && autoload -U +X bashcompinit && bashcompinit
+_warpsph() {{
+  local word="${{COMP_WORDS[COMP_CWORD]}}" words=''
+  if [ "$COMP_CWORD" -eq 1 ]; then
+    COMPREPLY=($(compgen -W '{" ".join(commands)} --help --version' -- "$word")); return
+  fi
+  case "${{COMP_WORDS[1]}}" in
+{cases}
+  esac
+  case "${{COMP_WORDS[1]}}" in scene|check) [ "$COMP_CWORD" -eq 2 ] && words="$words {scenes}" ;; esac
+  COMPREPLY=($(compgen -W "$words" -- "$word") $(compgen -f -- "$word"))
+}}
+complete -o filenames -F _warpsph warpsph""")
+    return OK
 
 
 def _help(parser: argparse.ArgumentParser) -> int:

@@ -316,7 +316,7 @@ def _value(text: str) -> float | str:
 
 def _numbers(folder: Path) -> dict[str, float]:
     """What a run came to."""
-    found = {}
+    found: dict[str, float] = {}
     for path in sorted(folder.glob("gauges/*.csv")):
         record = read_record(path)
         if len(record[TIME]):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.kernels.pictures import paint_discs
+from warpsph.kernels.pictures import paint_discs, paint_spheres
 
 # A pixel on the rim is covered as a ray is, not as a square: so far off may an area be, and a place [px] 5 times that.
 COVERAGE = 0.01
@@ -57,3 +57,21 @@ def test_nothing_is_painted_outside_the_box():
     assert len(dark[0]) > 0
     assert dark[0].min() >= 4 and dark[1].min() >= 4 and dark[0].max() < 26 and dark[1].max() < 36
     assert (pixels[20:, :] == WHITE).all()
+
+
+def test_spheres_are_lit_from_above_on_the_left_and_have_their_own_radius():
+    pixels = np.full((30, 40, 4), WHITE, dtype=np.uint8)
+    arrays = (
+        (np.float32([[(10.5, 15.5), (28.5, 15.5)]]), wp.vec2),
+        (np.float32([[8.0, 4.0]]), wp.float32),
+        (np.float32([[(100.0, 100.0, 100.0)] * 2]), wp.vec3),
+        (pixels.reshape(1, -1, 4), wp.vec4ub),
+    )
+    seen = [wp.array(values, dtype=dtype, device="cpu", copy=False) for values, dtype in arrays]
+    inputs = [0, 2, 40, wp.vec2i(0, 0), wp.vec2i(40, 30), *seen]
+    wp.launch(paint_spheres, dim=1, inputs=inputs, device="cpu")
+    shade = pixels[:, :, 0].astype(int)
+    covered = shade < WHITE
+    assert covered[:, :20].sum() == pytest.approx(math.pi * 8.5**2, rel=0.05)
+    assert covered[:, 20:].sum() == pytest.approx(math.pi * 4.5**2, rel=0.1)
+    assert shade[11, 6] > shade[15, 10] > shade[20, 15] >= 49  # towards the light, at the eye, in the shade
