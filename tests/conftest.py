@@ -69,6 +69,9 @@ fluids:
 gauges:
   - {name: middle, x: 0.4}
 run: {end_time: 1.0}
+wall_model: {force: radial}
+smoothing: {ratio: 1.5}
+xsph: 0.5
 """
 
 
@@ -93,6 +96,9 @@ fluids:
   - {name: block, material: rock, hold: true, shape: {box: {min: [0.16, 0.3], max: [0.24, 0.36]}}}
 warm_up: {duration: 0.1, damping: 50.0, settling: 0.04}
 run: {end_time: 1.0}
+wall_model: {force: radial}
+smoothing: {ratio: 1.5}
+xsph: 0.5
 """
 
 

@@ -22,6 +22,8 @@ bodies:
   - {name: crate, shape: {box: {min: [0.3, 0.3], max: [0.5, 0.5]}}, density: 600.0}
   - {name: buoy, shape: {disc: {center: [0.7, 0.4], radius: 0.1}}, density: 500.0}
 run: {end_time: 1.0}
+wall_model: {force: radial}
+smoothing: {ratio: 1.5}
 """
 CUBE = """\
 title: A cube in a box of water
@@ -35,6 +37,8 @@ fluids:
 bodies:
   - {name: cube, shape: {box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}}, density: 500.0}
 run: {end_time: 1.0}
+wall_model: {force: radial}
+smoothing: {ratio: 1.5}
 """
 
 

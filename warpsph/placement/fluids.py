@@ -29,8 +29,8 @@ from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box
 Wall = Sheet | Crate
 
 # A cell that a wall cuts is felt out along so many lines each way.
-PROBES = {False: 16, True: 6}  # in a plane, in space
-PROBED_AT_ONCE = 1 << 12
+PROBES = {False: 16, True: 12}  # in a plane, in space
+PROBED_AT_ONCE = 1 << 10
 # A cell that is so nearly whole, or so nearly dry, is not cut.
 WHOLE = 0.98
 
@@ -220,7 +220,9 @@ def _wet_part(
     line = (np.arange(probes) + 0.5) / probes - 0.5
     lines = [line, line if in_space else [0.0], line]
     offsets = size * np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
-    points = sites[:, None] + offsets
+    # Each cell is felt out on a raster of its own, or a wall along the lattice would be off by the same in all of them.
+    shift = np.random.default_rng(0).uniform(-0.5, 0.5, (len(sites), 1, 3)) / probes
+    points = sites[:, None] + offsets + size * shift * [1.0, float(in_space), 1.0]
     wet = is_wet(points.reshape(-1, 3)).reshape(len(sites), -1)
     count = wet.sum(axis=1)
     return count / len(offsets), np.einsum("np,npk->nk", wet, points) / np.maximum(count, 1)[:, None]

@@ -20,6 +20,8 @@ EVEN = 2e-4
 MOST_SWEEPS = 400
 # Layers around what a wall cuts that are free to give way, in spacings.
 FREE = 8.0
+# Nothing is set closer to a dummy, in spacings.
+CLOSEST = 0.6
 
 
 def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummies, solids: Sequence[Solid]) -> Array:
@@ -62,7 +64,10 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
             if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                 break
         packed = here.numpy()[: int(beside.sum())].astype(np.float64) + low
+    # Where water thins out over a bed there is no room: what would go through it stays where it was.
+    packed = packed[free[beside]]
+    fits = ~near(packed, walls, CLOSEST * dx)
     axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
     position = position.copy()
-    position[np.ix_(free, axes)] = packed[free[beside]][:, axes]
+    position[np.ix_(np.flatnonzero(free)[fits], axes)] = packed[fits][:, axes]
     return position
