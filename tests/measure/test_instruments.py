@@ -150,6 +150,7 @@ forces:
   - {name: left, wall: tank, part: {min: [0.0, 0.0, 0.0], max: [0.0, 0.2, 0.4]}, about: [0.0, 0.0, 0.0]}
 run_up: [{name: tank, wall: tank}]
 overtopping: [{name: gate, start: [0.15, 0.0, 0.0], end: [0.15, 0.2, 0.4]}]
+smoothing: {ratio: 1.5}
 run: {end_time: 1.0}
 """
 

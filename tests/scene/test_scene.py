@@ -55,8 +55,9 @@ def test_defaults(load):
     scene = load(TANK)
     assert scene.gravity == 9.81
     assert scene.smoothing.kernel == "wendland_c2"
-    assert scene.smoothing_length == pytest.approx(0.15)
-    assert scene.wall_spacing == pytest.approx(0.1 / 3)
+    assert scene.smoothing_length == pytest.approx(0.14)
+    assert scene.wall_spacing == pytest.approx(0.1)
+    assert (scene.wall_model.force, scene.xsph) == ("dummy_particles", 0.0)
     assert scene.start_time == 0.0
     assert scene.fluids[0].clearance == 0.5
     assert scene.fluids[0].hydrostatic and not scene.fluids[0].hold
@@ -384,8 +385,8 @@ def test_an_anchor_is_its_value(load):
         ),
         (
             "title: A tank",
-            "title: A tank\nshifting: {model: fickian, velocity: local}",
-            "tank.yaml:2: shifting.velocity: local needs a fluid with a viscosity of its own",
+            "title: A tank\nwall_model: {force: radial}\nshifting: {model: fickian, velocity: local}",
+            "tank.yaml:3: shifting.velocity: local needs a fluid with a viscosity of its own",
         ),
         (
             "title: A tank",
@@ -416,7 +417,7 @@ def test_one_regularisation_for_all(load):
     words = (
         "materials.clay.rheology.regularisation: one for all materials of a scene is needed, and another one has cross"
     )
-    assert message(load, text) == f"tank.yaml:5: {words}"
+    assert message(load, text, "wall_model.force=radial") == f"tank.yaml:5: {words}"
 
 
 BOX = """\
@@ -750,7 +751,7 @@ def test_the_manual_names_every_field():
 def test_the_scenes_of_the_manual_load(load):
     plane, space, walls, images, bodies, waves, instruments = re.findall(r"```yaml\n(.*?)```", MANUAL, re.DOTALL)
     assert len(place(load(plane)).position) == 50 * 15
-    assert [image.name for image in load(plane + images).images] == ["bed", "along"]
+    assert [image.name for image in load(plane + images, "wall_model.force=radial").images] == ["bed", "along"]
     assert [solid.body.name for solid in place(load(plane + bodies)).solids] == ["crate", "paddle"]
     flume = re.sub(r"walls:\n.*\nfluids:\n.*\n", waves, plane)
     assert load(flume).bodies[-1].name == "paddle" and load(flume).damping_zones[0].name == "sponge"
