@@ -8,6 +8,7 @@ import time
 import bandwidth as bench_bandwidth
 import bench
 import cases as bench_cases
+import lattices
 import noise as bench_noise
 import numpy as np
 import peer as bench_peer
@@ -205,3 +206,10 @@ def test_what_does_not_go_together_is_refused(capsys):
     capsys.readouterr()
     assert bench.parse(["--device", "cuda:0"]).threads == [1]
     assert bench.parse(["--case", "column_3d"]).particles == [100_000]
+
+
+def test_a_lattice_stands_where_it_is_told_to():
+    """Rows of a square lattice slide under pressure at h = 1.5 dx, and hardly at 1.4 dx."""
+    square = lattices.LATTICES["square"]
+    assert lattices.fastest_rate("wendland_c2", 1.5, square) == pytest.approx(0.0955, abs=2e-3)
+    assert lattices.fastest_rate("wendland_c2", 1.4, square) < 0.03
