@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from warpsph.bodies.motion import read_table
-from warpsph.cli import OK, main
+from warpsph.cli import OK, SCENES, main
+from warpsph.output.records import read_record
 from warpsph.placement.place import place
 from warpsph.scene.scene import SceneError, load_scene
 from warpsph.shapes.mesh import read_mesh, solid_mass
@@ -112,3 +113,52 @@ def test_sound_that_an_impact_outruns_is_told(c, words):
     scene = load_scene(CASES / "impact" / "impact.yaml", [f"materials.water.sound_speed={c}", "spacing=0.04"])
     told = error_of(scene) if c == 20 else " ".join(place(scene).warnings)
     assert words in told and "advised" in told
+
+
+def test_an_impact_stays_within_its_walls(tmp_path):
+    """With so low a speed of sound the jet once went through the corner at every spacing."""
+    impact = ["scene", str(CASES / "impact" / "impact.yaml"), "--out", str(tmp_path / "run"), "--threads", "1"]
+    assert main([*impact, "--set", "materials.water.sound_speed=23", "--set", "spacing=0.05", "--until", "1"]) == OK
+    facts = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert facts["outcome"] == "done" and facts["particles behind walls"] == 0
+
+
+@pytest.mark.parametrize("name", ["dam_break", "still_water", "viscous_dam_break"])
+def test_gravity_that_sound_cannot_carry_is_refused(name):
+    told = error_of(load_scene(SCENES / f"{name}.yaml", ["gravity=100"]))
+    assert "is too low for a drop" in told
+    least = told.split("at least ")[1].split()[0]
+    material = told.split("materials.")[1].split(".")[0]
+    place(load_scene(SCENES / f"{name}.yaml", ["gravity=100", f"materials.{material}.sound_speed={least}"]))
+
+
+def test_a_shallow_layer_rests_from_the_start(tmp_path):
+    wet = ["scene", str(CASES / "wet_bed" / "wet.yaml"), "--out", str(tmp_path / "run"), "--threads", "1"]
+    assert main([*wet, "--set", "output.pictures=false", "--until", "0.2"]) == OK
+    record = read_record(tmp_path / "run" / "fluids" / "wet.csv")
+    assert record["top speed [m/s]"].max() < 1e-2 * np.sqrt(9.81 * 0.05)
+    assert read_record(tmp_path / "run" / "gauges" / "g.csv")["level [m]"] == pytest.approx(0.05, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "drawn"),
+    [
+        ("vee", [[-0.096, 0.4], [0.0, 0.0], [0.096, 0.4]]),
+        ("reservoir", [[-0.25, 0.5], [0, 0], [0.6, 0], [0.5, 0.2], [0.8, 0.25], [1.2, 0.1], [1.2 + 0.8 * 4 / 7, 0.5]]),
+    ],
+)
+def test_a_fill_between_slopes_has_the_mass_of_the_drawing(name, drawn):
+    placement = place(load_scene(CASES / "corners" / f"{name}.yaml"))
+    x, z = np.array(drawn).T
+    area = 0.5 * abs(x @ np.roll(z, 1) - z @ np.roll(x, 1))
+    assert placement.volume[0] * len(placement.position) == pytest.approx(area, rel=1e-3)
+
+
+def test_a_gauge_sees_as_high_as_water_runs_up(tmp_path, capsys):
+    """It once stuck at 0.51 m, 1.5 times the highest particle of the start and 4 spacings."""
+    bore = ["scene", str(CASES / "runup_gauge" / "wall.yaml"), "--out", str(tmp_path / "run"), "--threads", "1"]
+    off = ["--set", "output.usd=false", "--set", "output.pictures=false"]
+    assert main([*bore, *off, "--set", "spacing=0.04"]) == OK
+    (told,) = [line for line in capsys.readouterr().out.splitlines() if "gauge wall" in line]
+    assert "still rising" in told
+    assert read_record(tmp_path / "run" / "gauges" / "wall.csv")["level [m]"].max() > 0.8

@@ -5,6 +5,13 @@ import time
 
 BEGAN = time.perf_counter()  # before the imports, so that a run can tell how long it took to its first step
 
+import warpsph  # noqa: E402
+
+if not hasattr(warpsph, "__version__"):  # beside the caller lies a folder of that name, such as a clone
+    place = next(iter(warpsph.__path__), "warpsph")
+    print(f"{place}: this folder hides the package warpsph; call it from another folder", file=sys.stderr)
+    sys.exit(2)
+
 from warpsph.cli import main  # noqa: E402
 
 if __name__ == "__main__":

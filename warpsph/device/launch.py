@@ -1,7 +1,9 @@
 """Launching: the one place that knows how a kernel is spread over cores or handed to a GPU."""
 
+import json
 import os
 import re
+import shutil
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,6 +57,21 @@ def _native_messages_silenced() -> Iterator[None]:
         os.dup2(kept, 2)
         os.close(kept)
         os.close(nowhere)
+
+
+def launch(kernel: wp.Kernel, *arguments: Any, **named: Any) -> Any:
+    """What `wp.launch` returns; a kernel that is damaged in the cache on disk is made anew, once."""
+    try:
+        return wp.launch(kernel, *arguments, **named)
+    except (json.JSONDecodeError, UnicodeDecodeError, FileNotFoundError):  # of the facts beside the machine code
+        pass
+    except Exception as error:  # Warp raises nothing narrower for machine code
+        if not str(error).startswith(("Failed to load ", "Failed to find ")):
+            raise
+    kernel.module.unload()  # and forget what was loaded
+    block = 1 if wp.get_device(named.get("device")).is_cpu else kernel.module.options["block_dim"]
+    shutil.rmtree(Path(wp.config.kernel_cache_dir) / kernel.module.get_module_identifier(block), ignore_errors=True)
+    return wp.launch(kernel, *arguments, **named)
 
 
 def alias(array: wp.array, dtype: Any, length: int, offset: int = 0) -> wp.array:
@@ -137,7 +154,7 @@ class Team:
         self._captured: int | None = None  # the thread whose graph is being captured
         self._meetings = wp.zeros(size * CACHE_LINE, dtype=int, device="cpu")
         self._meet = [
-            wp.launch(meet, 1, [thread, size, self._meetings], device="cpu", record_cmd=True).launch
+            launch(meet, 1, [thread, size, self._meetings], device="cpu", record_cmd=True).launch
             for thread in range(size if size > 1 else 0)
         ]
 
@@ -234,7 +251,7 @@ class Launcher:
         turns = TURNS if parts > 1 and count >= LONG_TURN * TURNS * parts else 1
         edges = [count * part // (parts * turns) for part in range(parts * turns + 1)]
         commands = [
-            wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments], device=self.device, record_cmd=True).launch
+            launch(kernel, dim=end - begin, inputs=[begin, *arguments], device=self.device, record_cmd=True).launch
             for begin, end in pairwise(edges)
         ]
         if turns == 1:

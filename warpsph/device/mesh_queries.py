@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpsph.device.launch import launch
 from warpsph.kernels.mesh_queries import find_nearest
 
 # Points asked at a time, for the sake of memory.
@@ -33,6 +34,6 @@ class MeshQueries:
             some = slice(begin, begin + BLOCK)
             asked = wp.array((points[some] - self._middle) / self._size, dtype=wp.vec3, device="cpu")
             answers = wp.empty(len(asked), dtype=int, device="cpu"), wp.empty(len(asked), dtype=wp.uint8, device="cpu")
-            wp.launch(find_nearest, len(asked), [0, self._mesh.id, 1e6, asked, *answers], device="cpu")
+            launch(find_nearest, len(asked), [0, self._mesh.id, 1e6, asked, *answers], device="cpu")
             triangle[some], inside[some] = answers[0].numpy(), answers[1].numpy() > 0
         return triangle, inside

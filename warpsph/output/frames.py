@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from warpsph.bodies.body_set import rotation
-from warpsph.device.launch import CAPTURE
+from warpsph.device.launch import CAPTURE, launch
 from warpsph.kernels.pictures import paint_discs, paint_spheres
 from warpsph.output.camera import Camera
 from warpsph.output.plots import GREY, INK, style_labels
@@ -261,7 +261,7 @@ class FrameWriter:
             arrays.insert(1, ((radius * size).astype(np.float32)[None], wp.float32))
         with CAPTURE:  # frames are drawn while steps go on
             seen = [wp.array(values, dtype=dtype, device="cpu", copy=False) for values, dtype in arrays]
-            wp.launch(kernel, dim=1, inputs=[*numbers, *seen], device="cpu")
+            launch(kernel, dim=1, inputs=[*numbers, *seen], device="cpu")
 
 
 def png_bytes(pixels: np.ndarray) -> bytes:

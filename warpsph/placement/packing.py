@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from warpsph.device.launch import launch
 from warpsph.kernels.packing import pack_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid
@@ -59,7 +60,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         given = [h, norm, dx, int(scene.dimensions == 2), *planes]
         for sweep in range(MOST_SWEEPS):
             grid.build(here, reach)
-            wp.launch(pack_kernel(scene.smoothing.kernel), len(points), [grid.id, *given, here, *fixed, there])
+            launch(pack_kernel(scene.smoothing.kernel), len(points), [grid.id, *given, here, *fixed, there])
             here, there = there, here
             if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                 break
