@@ -38,7 +38,7 @@ _OWN = {
     "run_up": "",
     "overtopping": "",
 }
-_RECORD = re.compile(r"(energy|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
+_RECORD = re.compile(r"(energy|left|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
 
 
 class FolderError(Exception):
