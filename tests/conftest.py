@@ -15,6 +15,10 @@ wp.config.log_level = wp.LOG_WARNING  # no line for each module loaded
 DEVICES = ["cpu", "cuda:0"] if wp.get_cuda_device_count() > 0 else ["cpu"]
 
 
+# Scenes of tests stand between walls that push, unless they say otherwise: the setting by the field that says it.
+PUSHING = {"wall_model": "wall_model.force=radial", "smoothing": "smoothing.ratio=1.5", "xsph": "xsph=0.5"}
+
+
 @pytest.fixture(scope="session", params=DEVICES)
 def device(request) -> str:
     """Each device that a kernel must give the same answer on: the CPU, and the first GPU where there is one."""
@@ -23,12 +27,14 @@ def device(request) -> str:
 
 @pytest.fixture(scope="session")
 def make_scene(tmp_path_factory) -> Callable[..., Scene]:
-    """A function that loads a scene from its YAML, with overrides such as `run.courant=0.25`."""
+    """A function that loads a scene from its YAML, with overrides such as `run.courant=0.25`, and PUSHING walls."""
 
     def make(text: str, *overrides: str) -> Scene:
         path = tmp_path_factory.mktemp("scene") / "scene.yaml"
         path.write_text(text, encoding="utf-8")
-        return load_scene(path, overrides)
+        told = text + "".join(f"\n{one.replace('=', ': ').replace('.', ': ', 1)}" for one in overrides)
+        usual = [] if "dummy_particles" in told else [one for name, one in PUSHING.items() if f"\n{name}:" not in told]
+        return load_scene(path, [*usual, *overrides])
 
     return make
 

@@ -191,7 +191,7 @@ def _zones(scene: Scene, device: wp.Device) -> Zones | None:
         return None
     struct = Zones()
     struct.count = len(zones)
-    columns = {"begin": [], "length": [], "rate": []}
+    columns: dict[str, list[float]] = {"begin": [], "length": [], "rate": []}
     for zone in zones:
         columns["begin"].append(zone.begin)
         columns["length"].append(zone.end - zone.begin)

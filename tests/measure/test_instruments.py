@@ -176,6 +176,7 @@ def test_in_space(make_scene, device):
         ("probes[0].observed={file: none.csv, columns: [time, p]}", r"probes\[0\].observed: .*none.csv: no such file"),
         ("run_up[0].name=8", r"run_up\[0\].name: text is needed"),
         ("overtopping=[{name: a, start: [0.1, 0.1], end: [0.1, 0.1]}]", r"end: must not be start"),
+        ("overtopping=[{name: a, start: [0.1, 0.1], end: [0.1, 0.0, 0.1]}]", r"overtopping\[0\].end: .*two numbers"),
     ],
 )
 def test_mistakes_are_one_line(make_scene, override, words):

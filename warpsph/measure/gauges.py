@@ -37,8 +37,8 @@ class Gauges:
         self._walls, self._off = walls, wall_shares(model)
         self._places = np.array([(gauge.x, gauge.y or 0.0) for gauge in gauges])
         self._bottoms = [
-            bed_below(*place, walls, model.sides, floor) if gauge.bottom is None else gauge.bottom
-            for gauge, place in zip(gauges, self._places, strict=True)
+            bed_below(gauge.x, gauge.y or 0.0, walls, model.sides, floor) if gauge.bottom is None else gauge.bottom
+            for gauge in gauges
         ]
         self._model, self._state, self._cells = model, state, neighbours.cells
         device = model.launcher.device

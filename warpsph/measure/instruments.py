@@ -113,13 +113,14 @@ class Instruments:
         if not gates:
             return []
         device, count = m.launcher.device, len(gates)
-        corners, along, up = [], [], []
-        for gate in gates:
-            start, way = spatial(gate.start), spatial(gate.end) - spatial(gate.start)
-            corners.append(start)
-            along.append(way if self._scene.dimensions == 2 else way * [1.0, 1.0, 0.0])
-            up.append([0.0, 1.0, 0.0] if self._scene.dimensions == 2 else way * [0.0, 0.0, 1.0])
-        normals = -np.cross(along, [0.0, 1.0, 0.0]) if self._scene.dimensions == 2 else np.cross(along, up)
+        corners = np.array([spatial(gate.start) for gate in gates])
+        ways = np.array([spatial(gate.end) for gate in gates]) - corners
+        if self._scene.dimensions == 2:
+            along, up = ways, np.tile([0.0, 1.0, 0.0], (count, 1))
+            normals = np.cross(up, along)
+        else:
+            along, up = ways * [1.0, 1.0, 0.0], ways * [0.0, 0.0, 1.0]
+            normals = np.cross(along, up)
         struct = kernels.Gates()
         struct.count = count
         for name, values in {
@@ -172,7 +173,7 @@ class Instruments:
                 normal=self._normals,
                 sums=self._sums,
             )
-        if self._riding:
+        if self._bodies and self._riding:
             points, places = self._points.numpy().copy(), self._bodies.places()
             for i, (body, offset) in self._riding.items():
                 x, q = places[body]
@@ -279,8 +280,10 @@ def part_of_wall(scene: Scene, path: str, part: Force | RunUp, sides: Sequence[i
         low, high = spatial(part.part.min) - reach, spatial(part.part.max) + reach
         if scene.dimensions == 2:
             low[1], high[1] = -np.inf, np.inf
-    pieces = _pieces_of_sheet if isinstance(wall, Sheet) else _pieces_of_crate
-    surface = pieces(wall, spacing, low, high)
+    if isinstance(wall, Sheet):
+        surface = _pieces_of_sheet(wall, spacing, low, high)
+    else:
+        surface = _pieces_of_crate(wall, spacing, low, high)
     kept = surface.areas > 1e-4 * surface.areas.max()  # but for slivers that rounding leaves
     if not kept.any() or not surface.areas.any():
         raise scene.error(f"{path}.part", f"there is nothing of wall '{part.wall}' in it")
@@ -329,8 +332,8 @@ def _pieces_of_crate(wall: Crate, spacing: float, low: Array, high: Array) -> Su
         points.append(face)
         normals.append(normal)
         areas.append(np.outer(size_a, size_b).ravel() * (low[axis] <= at <= high[axis]))
-    points = np.concatenate(points)
-    return Surface(points, np.concatenate(normals), np.concatenate(areas), np.full(len(points), np.nan))
+    count = sum(map(len, points))
+    return Surface(np.concatenate(points), np.concatenate(normals), np.concatenate(areas), np.full(count, np.nan))
 
 
 def _middles(begin: float, end: float, spacing: float, low: float, high: float) -> tuple[Array, Array]:

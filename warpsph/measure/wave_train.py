@@ -129,4 +129,5 @@ def reflected_sea(
         onward, back = reflection(places, parts[:, n], k)
         energies += np.array([onward, back]) ** 2
     scale = 2.0 / (np.sum(window**2) * len(time))
-    return tuple(4.0 * math.sqrt(scale * float(energy)) for energy in energies)
+    onward, back = 4.0 * np.sqrt(scale * energies)
+    return float(onward), float(back)

@@ -21,6 +21,7 @@ from warpsph.output.plots import INK, LINE_PALETTE, SIZE, new_plots
 from warpsph.output.records import find_crest, read_record
 from warpsph.scene.instruments import Observed
 from warpsph.scene.scene import Scene
+from warpsph.scene.waves import WaveMaker
 from warpsph.theory.waves import (
     HIGHEST,
     LOWEST,
@@ -49,13 +50,14 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def _extremes(scene: Scene, folder: Path) -> dict[str, dict[str, Any]]:
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
     for kind in KINDS:
         for part in getattr(scene, kind):
             record = _columns(folder / kind / f"{part.name}.csv")
             if not len(record.get("time [s]", ())):
                 continue
-            time, mine = record.pop("time [s]"), {}
+            time = record.pop("time [s]")
+            mine: dict[str, Any] = {}
             for heading, values in record.items():
                 some = np.flatnonzero(np.isfinite(values))
                 if len(some):
@@ -82,37 +84,37 @@ def _train(scene: Scene, folder: Path) -> dict[str, Any]:
     if maker is None or maker.waves not in ("regular", "irregular", "solitary") or not scene.gauges:
         return {}
     if maker.waves == "solitary":
-        return _solitary(scene, folder)
+        return _solitary(scene, maker, folder)
+    height, period = _size(maker)
     about = {"depth": maker.depth, "gravity": scene.gravity}
-    omega = 2.0 * math.pi / maker.period
-    target = {"height [m]": maker.height, "period [s]": maker.period}
-    target["wavelength [m]"] = wavelength(maker.period, **about)
-    target["celerity [m/s]"] = target["wavelength [m]"] / maker.period
+    omega, length = 2.0 * math.pi / period, wavelength(period, **about)
+    target = {"height [m]": height, "period [s]": period}
+    target |= {"wavelength [m]": length, "celerity [m/s]": length / period}
     hinge = None if maker.hinge is None else maker.hinge - maker.bed
     if maker.waves == "regular":
         k = float(wavenumber(omega, **about))
-        target["stroke of first order [m]"] = maker.height / float(paddle_ratio(k, depth=maker.depth, hinge=hinge))
+        target["stroke of first order [m]"] = height / float(paddle_ratio(k, depth=maker.depth, hinge=hinge))
     else:
         target["seed"] = 1 if maker.seed is None else maker.seed
     facts: dict[str, Any] = {"asked for": target}
-    ramp = maker.period if maker.ramp is None else maker.ramp
+    ramp = period if maker.ramp is None else maker.ramp
     far = max(gauge.x - maker.x for gauge in scene.gauges)
     # The slowest of a sea that matters goes at the celerity of its peak's group.
-    begin = maker.begin + ramp + far / group_celerity(maker.period, **about) + SETTLING * maker.period
+    begin = maker.begin + ramp + far / group_celerity(period, **about) + SETTLING * period
     records = {}
     for gauge in scene.gauges:
         record = _columns(folder / "gauges" / f"{gauge.name}.csv")
         time, level = record.get("time [s]", np.empty(0)), record.get("level [m]", np.empty(0))
         kept = time >= begin
-        if kept.sum() < 8 or time[-1] - begin < LEAST * maker.period:
+        if kept.sum() < 8 or time[-1] - begin < LEAST * period:
             return facts | {"gauges": f"too short a record: waves have come to all gauges at t = {begin:.3g} s"}
         records[gauge.name] = gauge.x, time[kept], level[kept]
-    facts["gauges"] = {}
+    trains: dict[str, dict[str, float]] = {}
     for name, (x, time, level) in records.items():
         train = find_train(time, level)
         if train is None:
             continue
-        facts["gauges"][name] = {
+        trains[name] = {
             "x [m]": x,
             "waves": train.count,
             "height [m]": train.height,
@@ -120,10 +122,11 @@ def _train(scene: Scene, folder: Path) -> dict[str, Any]:
             "significant height [m]": train.significant,
             "significant height, spectrum [m]": train.spectral,
             "peak period [s]": train.peak_period,
-            "height / asked for": (train.height if maker.waves == "regular" else train.spectral) / maker.height,
+            "height / asked for": (train.height if maker.waves == "regular" else train.spectral) / height,
         }
         if maker.waves == "regular":
-            facts["gauges"][name]["first harmonic / asked for"] = 2.0 * abs(harmonic(time, level, omega)) / maker.height
+            trains[name]["first harmonic / asked for"] = 2.0 * abs(harmonic(time, level, omega)) / height
+    facts["gauges"] = trains
     if maker.waves == "regular":
         between = {}
         for (a, (xa, time, one)), (b, (xb, _, other)) in pairwise(records.items()):
@@ -133,15 +136,23 @@ def _train(scene: Scene, folder: Path) -> dict[str, Any]:
                 harmonic(time, one, omega), harmonic(time, other, omega), xb - xa, omega, maker.depth, scene.gravity
             )
             if math.isfinite(speed):
-                between[f"{a} to {b}"] = {"celerity [m/s]": speed, "wavelength [m]": speed * maker.period}
+                between[f"{a} to {b}"] = {"celerity [m/s]": speed, "wavelength [m]": speed * period}
         facts["between gauges"] = between
-    facts |= _reflection(scene, records)
+    facts |= _reflection(scene, maker, records)
     return facts
 
 
-def _reflection(scene: Scene, records: dict[str, tuple[float, np.ndarray, np.ndarray]]) -> dict[str, Any]:
+def _size(maker: WaveMaker) -> tuple[float, float]:
+    """Height [m] and period [s] of waves that have both."""
+    assert maker.height is not None and maker.period is not None, "the scene asks for both"
+    return maker.height, maker.period
+
+
+def _reflection(
+    scene: Scene, maker: WaveMaker, records: dict[str, tuple[float, np.ndarray, np.ndarray]]
+) -> dict[str, Any]:
     """Reflection by the three gauges in a row that stand closest to each other: Mansard & Funke (1980)."""
-    maker = scene.wave_maker
+    _, period = _size(maker)
     ordered = sorted(records, key=lambda name: records[name][0])
     if len(ordered) < 3 or maker.depth <= 0.0:
         return {}
@@ -151,26 +162,27 @@ def _reflection(scene: Scene, records: dict[str, tuple[float, np.ndarray, np.nda
     levels = np.array([records[name][2] for name in chosen])
     time = records[chosen[0]][1]
     if maker.waves == "regular":
-        onward, back = reflected(places, levels, time, 2.0 * math.pi / maker.period, maker.depth, scene.gravity)
+        onward, back = reflected(places, levels, time, 2.0 * math.pi / period, maker.depth, scene.gravity)
     else:
-        ends = LOWEST / maker.period, HIGHEST / maker.period
+        ends = LOWEST / period, HIGHEST / period
         onward, back = reflected_sea(places, levels, time, maker.depth, scene.gravity, *ends)
     facts = {"gauges": ", ".join(chosen), "incident height [m]": onward, "reflected height [m]": back}
     return {"reflection": facts | {"coefficient": back / onward if onward > 0.0 else math.nan}}
 
 
-def _solitary(scene: Scene, folder: Path) -> dict[str, Any]:
+def _solitary(scene: Scene, maker: WaveMaker, folder: Path) -> dict[str, Any]:
     """The crest of a solitary wave at each gauge, and its celerity from one to the next."""
-    maker = scene.wave_maker
-    celerity = math.sqrt(scene.gravity * (maker.depth + maker.height))
-    facts: dict[str, Any] = {"asked for": {"height [m]": maker.height, "celerity [m/s]": celerity}}
+    asked = maker.height
+    assert asked is not None, "the scene asks for it"
+    celerity = math.sqrt(scene.gravity * (maker.depth + asked))
+    facts: dict[str, Any] = {"asked for": {"height [m]": asked, "celerity [m/s]": celerity}}
     crests = {}
     for gauge in scene.gauges:
         record = _columns(folder / "gauges" / f"{gauge.name}.csv")
         if len(record.get("time [s]", ())):
             crests[gauge.name] = gauge.x, *find_crest(record["time [s]"], record["level [m]"])
     facts["gauges"] = {
-        name: {"x [m]": x, "height [m]": height, "height / asked for": height / maker.height}
+        name: {"x [m]": x, "height [m]": height, "height / asked for": height / asked}
         for name, (x, height, _) in crests.items()
     }
     facts["between gauges"] = {
@@ -235,7 +247,7 @@ def instrument_plots(run_dir: Path, scene: Scene) -> Iterator[tuple[str, Figure]
             continue
         yield f"{name.partition('/')[2]}, computed and observed", _draw_observed(record, heading, seen)
     if scene.wave_maker and scene.wave_maker.waves == "irregular":
-        figure = _draw_spectra(scene, run_dir)
+        figure = _draw_spectra(scene, scene.wave_maker, run_dir)
         if figure is not None:
             yield "Spectra at the gauges and that asked for", figure
 
@@ -250,24 +262,24 @@ def _draw_observed(record: dict[str, np.ndarray], heading: str, seen: tuple[np.n
     return figure
 
 
-def _draw_spectra(scene: Scene, run_dir: Path) -> Figure | None:
+def _draw_spectra(scene: Scene, maker: WaveMaker, run_dir: Path) -> Figure | None:
     """Spectra of all gauges, bands of eight frequencies, over that asked for; None where records are too short."""
-    maker = scene.wave_maker
+    height, period = _size(maker)
     figure, (axes,) = new_plots(1, SIZE)
     drawn = False
     for gauge, color in zip(scene.gauges, cycle(LINE_PALETTE), strict=False):
         record = _columns(run_dir / "gauges" / f"{gauge.name}.csv")
         time = record.get("time [s]", np.empty(0))
-        kept = time >= maker.begin + 2.0 * maker.period
+        kept = time >= maker.begin + 2.0 * period
         if kept.sum() < 64:
             continue
         f, density = spectrum(time[kept], record["level [m]"][kept], bands=8)
         axes.plot(f, density, color=color, linewidth=1.2, label=gauge.name)
         drawn = True
-    f = np.linspace(LOWEST, HIGHEST, 300) / maker.period
-    about = {"spectrum": maker.spectrum or "jonswap", "peak": maker.peak_enhancement or 3.3}
-    asked = spectral_density(f, height=maker.height, period=maker.period, **about)
+    f = np.linspace(LOWEST, HIGHEST, 300) / period
+    name, peak = maker.spectrum or "jonswap", maker.peak_enhancement or 3.3
+    asked = spectral_density(f, height=height, period=period, spectrum=name, peak=peak)
     axes.plot(f, asked, color=INK, linewidth=1.6, linestyle="--", label="asked for")
-    axes.set(xlabel="frequency [Hz]", ylabel="S [m2 s]", xlim=(0.0, 1.2 * HIGHEST / maker.period))
+    axes.set(xlabel="frequency [Hz]", ylabel="S [m2 s]", xlim=(0.0, 1.2 * HIGHEST / period))
     axes.legend(frameon=False, fontsize=10, labelcolor=INK)
     return figure if drawn else None

@@ -92,6 +92,10 @@ class Overtopping(Part):
     def _has_a_size(self) -> Overtopping:
         if self.start == self.end:
             raise fault("must not be start", "end")
-        if len(self.end) == 3 and (self.end[2] <= self.start[2] or self.end[:2] == self.start[:2]):
+        if (
+            len(self.start) == 3
+            and len(self.end) == 3
+            and (self.end[2] <= self.start[2] or self.end[:2] == self.start[:2])
+        ):
             raise fault("must lie above start, and not straight above it", "end")
         return self
