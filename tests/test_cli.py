@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import warpsph
-from warpsph.cli import BLOWN_UP, INPUT, INVALID, OK, SCENES, STOPPED_EARLY, main
+from warpsph.cli import BLOWN_UP, INPUT, INVALID, MACHINE, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
 from warpsph.scene.scene import load_scene
@@ -213,6 +213,12 @@ def test_mistake_is_one_line_and_writes_nothing(arguments, words, tmp_path, monk
     complaint = capsys.readouterr().err.strip()
     assert words in complaint and "\n" not in complaint
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_results_that_cannot_be_written_is_told_first(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("warpsph.validation.run_case", None)  # would be called only afterwards
+    assert run("validate", "still_water", "--json", tmp_path / "no" / "x.json") == MACHINE
+    assert capsys.readouterr().err.strip() == f"{tmp_path}/no/x.json: No such file or directory"
 
 
 def test_another_run_is_not_overwritten_unasked(finished, tmp_path, capsys):

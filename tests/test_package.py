@@ -2,9 +2,11 @@
 
 import importlib
 import importlib.metadata
+import runpy
 import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -30,6 +32,18 @@ def test_kernels_refuse_another_name(monkeypatch):
 
 def test_kernels_are_the_top_level_folder():
     assert Path(warpsph.kernels.__file__).resolve() == ROOT / "kernels" / "__init__.py"
+
+
+def test_a_folder_that_hides_the_package_is_told_in_a_line(monkeypatch, capsys):
+    """From the folder that holds a clone: Python takes the clone for a package without code."""
+    hidden = ModuleType("warpsph")
+    hidden.__path__ = ["/home/me/warpsph"]
+    monkeypatch.setitem(sys.modules, "warpsph", hidden)
+    with pytest.raises(SystemExit) as left:
+        runpy.run_path(str(ROOT / "warpsph" / "__main__.py"), run_name="__main__")
+    told = capsys.readouterr().err.strip()
+    assert left.value.code == 2
+    assert told.startswith("/home/me/warpsph: this folder hides the package") and "\n" not in told
 
 
 def test_version_is_that_of_the_distribution():

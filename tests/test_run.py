@@ -1,5 +1,6 @@
 """A run and its folder: nothing foreign is touched, nothing is lost, nothing that was changed goes on unsaid."""
 
+import errno
 import json
 import os
 import random
@@ -129,6 +130,7 @@ def test_overwriting_takes_only_what_the_run_wrote(scene, folder):
         (folder / name).write_text("mine")
     stale = folder / "checkpoints" / "999999999.npz"
     stale.touch()
+    assert (folder / "left.csv").exists()
     assert run("scene", scene, "--out", folder, "--overwrite", "--set", "gauges=[{name: other, x: 0.3}]") == OK
     after = contents(folder)
     assert {name for name in foreign if after.get(name) == b"mine"} == foreign
@@ -302,6 +304,40 @@ def test_a_cache_that_is_taken_away_on_the_way_is_told(tmp_path, monkeypatch, ca
     assert run("scene", tmp_path / "falling.yaml", "--out", tmp_path / "run") == MACHINE
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last.startswith(f"{tmp_path}/run/usd")
+
+
+@pytest.mark.parametrize("part", ["", "fluids", "checkpoints", "preview"])
+def test_a_folder_that_is_taken_away_on_the_way_is_told(part, tmp_path, monkeypatch, capsys):
+    (tmp_path / "falling.yaml").write_text(FALLING.replace("pictures: false", "pictures: true, checkpoint_every: 0.1"))
+    folder, emit = tmp_path / "run", Run._emit
+
+    def lose(run: Run) -> None:
+        emit(run)
+        if (folder / "preview" / "frame.00001.png").exists():
+            shutil.rmtree(folder / part, ignore_errors=True)
+
+    monkeypatch.setattr(Run, "_emit", lose)
+    assert run("scene", tmp_path / "falling.yaml", "--out", folder) == MACHINE
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith(str(folder / part)) and last.endswith("No such file or directory")
+
+
+def test_a_folder_that_cannot_be_written_to_is_told(scene, tmp_path, monkeypatch, capsys):
+    def refuse(path: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    assert run("scene", scene, "--out", tmp_path / "run") == MACHINE
+    assert capsys.readouterr().err.strip() == f"{tmp_path}/run: Read-only file system"
+
+
+def test_a_title_may_hold_signs_of_mathematics(tmp_path):
+    r"""matplotlib reads $x$ and $\frac$ as TeX, and ends where it cannot."""
+    (tmp_path / "tank.yaml").write_text(
+        FALLING.replace("A box falls", r"A $x^ and $\frac{ 5 $").replace("false", "true")
+    )
+    assert run("scene", tmp_path / "tank.yaml", "--out", tmp_path / "run", "--until", "0.1") == OK
+    assert r"A $x^ and $\frac{ 5 $" in (tmp_path / "run" / "report.html").read_text()
 
 
 # ---------------------------------------------------------------------------------------------------------- the lock

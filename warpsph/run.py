@@ -247,6 +247,8 @@ class Run:
 
     def _write_checkpoint(self) -> None:
         """Write a checkpoint of now, unless there is one, after all that it stands for."""
+        for record in self._records.values():
+            record.confirm()
         if self._checkpoint_step == self.simulation.step_count:
             return
         self._outputs.wait()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpsph.device.launch import DeviceError, Launcher, available_cores
+from warpsph.device.launch import DeviceError, Launcher, available_cores, launch
 
 # Counts of threads are compared bit for bit: there is no tolerance.
 
@@ -182,3 +182,24 @@ def test_arguments_are_found_by_name(device):
 def test_a_name_that_leads_nowhere_is_an_error_when_recording(device, owners, named, says):
     with pytest.raises(TypeError, match=f"weigh: .*{says}"):
         Launcher(device).record(weigh, 6, *owners, **named)
+
+
+def test_a_damaged_kernel_is_made_anew(tmp_path, monkeypatch):
+    monkeypatch.setattr(wp.config, "kernel_cache_dir", str(tmp_path))
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def treble(values_inout: wp.array[float]):
+        i = wp.tid()
+        values_inout[i] = 3.0 * values_inout[i]
+
+    values = wp.ones(1, dtype=float, device="cpu")
+    launch(treble, 1, [values], device="cpu")
+    (code,), (facts,) = tmp_path.glob("*/*.o"), tmp_path.glob("*/*.meta")
+    whole = code.read_bytes()
+    for path, left in (code, b""), (code, whole[: len(whole) // 2]), (code, bytes(len(whole))), (facts, b'{"x'):
+        path.write_bytes(left)
+        treble.module.unload()
+        values.fill_(1.0)
+        launch(treble, 1, [values], device="cpu")
+        assert values.numpy() == 3.0
+        assert path.read_bytes() != left

@@ -40,7 +40,7 @@ class Record:
         with unfinished.open("w", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([["time [s]", *columns], *rows])
         os.replace(unfinished, path)
-        self._file = path.open("a", newline="", buffering=1)
+        self._path, self._file = path, path.open("a", newline="", buffering=1)
         self._writer = csv.writer(self._file, lineterminator="\n")
 
     def write(self, time: float, values: Sequence[float]) -> None:
@@ -49,6 +49,10 @@ class Record:
             f"{value + more:.7f}" if more else f"{value:.9g}" for value, more in zip(values, self._origin, strict=True)
         )
         self._writer.writerow([f"{time:.6f}", *cells])
+
+    def confirm(self) -> None:
+        """Raise FileNotFoundError if the file was taken away: what is written then goes nowhere, without a word."""
+        self._path.stat()
 
     def close(self) -> None:
         """Close the file."""

@@ -49,7 +49,8 @@ class PointWalls:
     def push(self) -> list[Launch]:
         """The walls, then the bodies."""
         m, scene = self._model, self._model.scene
-        law = wall_acceleration_kernel(scene.wall_model.force, scene.smoothing.kernel, dimensions=scene.dimensions)
+        force = scene.wall_model.force if scene.walls else "radial"  # without walls nothing pushes, by any law
+        law = wall_acceleration_kernel(force, scene.smoothing.kernel, dimensions=scene.dimensions)
         at_rest = m.launcher.record(law, m.particle_count, m, self._state, self._neighbours)
         return [at_rest, *self._bodies.push_fluid()]
 
