@@ -27,6 +27,7 @@ def pack_kernel(smoothing: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False)
     def pack(
+        first: int,
         grid: wp.uint64,
         h: float,
         gradient_norm: float,
@@ -43,7 +44,7 @@ def pack_kernel(smoothing: str) -> wp.Kernel:
 
         A plane is a mirror, in which fluid sees its image: what stands still in the water is no wall's but its own.
         """
-        i = wp.tid()
+        i = first + wp.tid()
         x_i = position[i]
         if mobility[i] <= 0.0:
             position_out[i] = x_i

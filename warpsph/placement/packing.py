@@ -60,7 +60,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         given = [h, norm, dx, int(scene.dimensions == 2), *planes]
         for sweep in range(MOST_SWEEPS):
             grid.build(here, reach)
-            launch(pack_kernel(scene.smoothing.kernel), len(points), [grid.id, *given, here, *fixed, there])
+            launch(pack_kernel(scene.smoothing.kernel), len(points), [0, grid.id, *given, here, *fixed, there])
             here, there = there, here
             if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                 break
