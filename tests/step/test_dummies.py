@@ -67,7 +67,7 @@ def test_water_stands_from_the_first_step(make_scene, device, rows):
         snapshot = simulation.state.snapshot()
         x, p = snapshot.position, snapshot.pressure
         lowest = x[:, 2] < DX
-        # The lattice is at rest where sum_j V (p_i + p_j) grad W is rho g: its sum of V x dW/dx is -0.9905 at h = 1.4 dx.
+        # A lattice is at rest where sum_j V (p_i + p_j) grad W is rho g; its sum of V x dW/dx is -0.9905 at h = 1.4 dx.
         assert 0.9905 * p[lowest].mean() == pytest.approx(1000.0 * G * (DEPTH - x[lowest, 2].mean()), rel=0.003)
 
 

@@ -19,7 +19,8 @@ density_diffusion: {{model: none}}
 tensile_correction: false
 xsph: 0.0
 allow: [low_sound_speed]
-wall_model: {{strength: 0.03}}   # the tip of the jet hits the far wall with a fifth of the speed of sound
+smoothing: {{ratio: 1.5}}
+wall_model: {{force: radial, strength: 0.03}}   # the tip of the jet hits the far wall with a fifth of the speed of sound
 walls:
   - {{name: tank, path: [[0.0, 1.5], [0.0, 0.0], [3.0, 0.0], [3.0, 1.5]]}}
 fluids:

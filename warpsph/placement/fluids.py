@@ -149,6 +149,8 @@ def fill_sites(
     # Rows start on the lowest bed, columns at an upright end wall, the left one if there are two, or else at the left
     # limit. Cells are stretched a little where that makes a whole number of them fit.
     upright = [any(one.is_upright(x, fill.level) for one in walls) for x in (left, right)]
+    # On a slope the last point of the wall below the level stands up to a spacing from the shore.
+    left, right = (left if upright[0] else max(low, left - dx)), (right if upright[1] else min(high, right + dx))
     fits = np.array([all(upright), True, True])
     pieces = (np.array([right, back, fill.level]) - [left, front, floor]) / dx
     size = np.where(fits, pieces / np.maximum(np.round(pieces), 1.0), 1.0) * dx
