@@ -19,7 +19,7 @@ SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
 EAST, NORTH, UP = 412345, 5123456, 2345
 # Fields in metres that are no places.
 LENGTHS = {"radius", "spacing", "scale", "wavelength", "shift", "shape", "fill", "lattice", "box", "disc", "sphere"}
-LENGTHS |= {"arc", "view", "mesh", "file"}
+LENGTHS |= {"arc", "view", "mesh", "file", "part", "depth", "thickness", "height", "longest_stroke", "focus"}
 
 
 def plane(x: int, z: int) -> Scene:

@@ -20,7 +20,7 @@ tensile_correction: false
 xsph: 0.0
 allow: [low_sound_speed]
 smoothing: {{ratio: 1.5}}
-wall_model: {{force: radial, strength: 0.03}}   # the tip of the jet hits the far wall with a fifth of the speed of sound
+wall_model: {{force: radial, strength: 0.03}}   # the jet hits the far wall with a fifth of the speed of sound
 walls:
   - {{name: tank, path: [[0.0, 1.5], [0.0, 0.0], [3.0, 0.0], [3.0, 1.5]]}}
 fluids:

@@ -23,6 +23,8 @@ MOST_SWEEPS = 400
 FREE = 8.0
 # Nothing is set closer to a dummy, in spacings.
 CLOSEST = 0.6
+# Nor farther from where it was, in spacings.
+FARTHEST = 1.5
 
 
 def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummies, solids: Sequence[Solid]) -> Array:
@@ -67,7 +69,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         packed = here.numpy()[: int(beside.sum())].astype(np.float64) + low
     # Where water thins out over a bed there is no room: what would go through it stays where it was.
     packed = packed[free[beside]]
-    fits = ~near(packed, walls, CLOSEST * dx)
+    fits = ~near(packed, walls, CLOSEST * dx) & (np.linalg.norm(packed - position[free], axis=1) < FARTHEST * dx)
     axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
     position = position.copy()
     position[np.ix_(np.flatnonzero(free)[fits], axes)] = packed[fits][:, axes]
