@@ -80,15 +80,16 @@ def test_a_scene_that_does_not_fit_is_told_what_would(command, tmp_path, monkeyp
     free = warpsph.memory.PROGRAM + 20e6
     monkeypatch.setattr(warpsph.memory, "free_memory", lambda device: free)
     place_out = [] if command == "check" else ["--out", str(tmp_path / "run")]
-    pushing = "wall_model.force=radial"  # with which the spacing that is told fits the column
-    overrides = ["--set", "spacing=0.0125", "--set", pushing]
+    # The spacing that is told need not divide the tank: a fill fits it.
+    fluid = "fluids=[{name: water, material: water, fill: {level: 0.2, above: tank}}]"
+    overrides = ["--set", "spacing=0.0125", "--set", fluid]
     assert main([command, COLUMN, *overrides, *place_out]) == MACHINE
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert line.startswith("needs about ") and "this machine has 440 MB free; spacing=0.0" in line
     assert not (tmp_path / "run").exists()
 
     spacing = float(line.split("spacing=")[1].split()[0])
-    fits = load_scene(COLUMN, [f"spacing={spacing}", pushing])
+    fits = load_scene(COLUMN, [f"spacing={spacing}", fluid])
     told = memory_of(fits, counts_of(fits, place(fits)), shared=True)
     assert 0.9 * free < told.host <= free
 

@@ -45,6 +45,7 @@ class Sites:
         volume: Of each [m3, in 2-D m2], so that all of them have that of the drawing.
         cut: Those in cells that a wall cuts, which stand in disorder, shape [n].
         mirrors: Planes that close a fill off where there is no wall, its level first: a normal and an offset [m] each.
+        holds: Whether each of some points [n, 3] lies in the fluid as drawn, shape [n]; none for a shape.
         warnings: What is doubtful, a line each.
     """
 
@@ -53,6 +54,7 @@ class Sites:
     volume: float
     cut: NDArray[np.bool_]
     mirrors: tuple[tuple[Array, float], ...]
+    holds: Callable[[Array], NDArray[np.bool_]] | None
     warnings: tuple[str, ...]
 
     def apart_from(self, others: Sequence[Array], reach: float) -> Sites:
@@ -116,7 +118,9 @@ def shape_sites(
                 # Below the water line the water's weight comes on top.
                 column += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
         depth[begin : begin + BLOCK] = column
-    return Sites(sites, depth, body.volume / max(len(sites), 1), np.zeros(len(sites), dtype=bool), (), tuple(warnings))
+    return Sites(
+        sites, depth, body.volume / max(len(sites), 1), np.zeros(len(sites), dtype=bool), (), None, tuple(warnings)
+    )
 
 
 def fill_sites(
@@ -211,7 +215,7 @@ def fill_sites(
         if left <= x <= right and np.median(distance([*walls, *solids], plane)) > dx:
             mirrors.append((np.array([1.0, 0.0, 0.0]), x))
     cut = (share < WHOLE) & has_dummies
-    return Sites(sites, fill.level - sites[:, 2], volume, cut, tuple(mirrors), ())
+    return Sites(sites, fill.level - sites[:, 2], volume, cut, tuple(mirrors), is_wet, ())
 
 
 def _wet_part(

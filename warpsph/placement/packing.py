@@ -69,7 +69,12 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         packed = here.numpy()[: int(beside.sum())].astype(np.float64) + low
     # Where water thins out over a bed there is no room: what would go through it stays where it was.
     packed = packed[free[beside]]
-    fits = ~near(packed, walls, CLOSEST * dx) & (np.linalg.norm(packed - position[free], axis=1) < FARTHEST * dx)
+    held = [sites.holds(packed) for sites in fluids if sites.holds]
+    fits = (
+        np.any(held, axis=0)
+        & ~near(packed, walls, CLOSEST * dx)
+        & (np.linalg.norm(packed - position[free], axis=1) < FARTHEST * dx)
+    )
     axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
     position = position.copy()
     position[np.ix_(np.flatnonzero(free)[fits], axes)] = packed[fits][:, axes]
