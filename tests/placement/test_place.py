@@ -542,7 +542,7 @@ def test_a_plane_scene_is_a_slice_of_the_scene_in_space():
     np.testing.assert_allclose(space.position, plane.position, atol=1e-12)
     np.testing.assert_array_equal(space.fluid, plane.fluid)
     np.testing.assert_allclose(space.initial_depth, plane.initial_depth)
-    np.testing.assert_allclose(space.volume, plane.volume * 0.1, rtol=1e-3)  # cells that the arc cuts are felt out
+    np.testing.assert_allclose(space.volume, plane.volume * 0.1, rtol=2e-3)  # each is felt out to 1e-3
 
 
 VEE = path([0.0, 1.5], [0.0, 0.6], [1.5, 0.0], [3.0, 0.6], [3.0, 1.5])

@@ -225,10 +225,10 @@ def _wet_part(
     probes = PROBES[in_space]
     line = (np.arange(probes) + 0.5) / probes - 0.5
     lines = [line, line if in_space else [0.0], line]
-    offsets = size * np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    raster = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     # Each cell is felt out on a raster of its own, or a wall along the lattice would be off by the same in all of them.
-    shift = np.random.default_rng(0).uniform(-0.5, 0.5, (len(sites), 1, 3)) / probes
-    points = sites[:, None] + offsets + size * shift * [1.0, float(in_space), 1.0]
+    shift = np.random.default_rng(0).uniform(size=(len(sites), 1, 3)) * [1.0, float(in_space), 1.0]
+    points = sites[:, None] + size * ((raster + shift + 0.5) % 1.0 - 0.5)
     wet = is_wet(points.reshape(-1, 3)).reshape(len(sites), -1)
     count = wet.sum(axis=1)
-    return count / len(offsets), np.einsum("np,npk->nk", wet, points) / np.maximum(count, 1)[:, None]
+    return count / len(raster), np.einsum("np,npk->nk", wet, points) / np.maximum(count, 1)[:, None]
