@@ -32,6 +32,7 @@ from warpsph.kernels.neighbours import (
     scatter_kernel,
     wall_points_kernel,
 )
+from warpsph.kernels.packing import pack_kernel
 from warpsph.kernels.rates import Formulas, rates_kernel
 from warpsph.kernels.rheology import REGULARISATION, RHEOLOGY, apparent_viscosity_kernel
 from warpsph.kernels.shifting import cover_kernel, shifting_kernel
@@ -71,6 +72,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_dummies_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     press_dummies_kernel: list(product(SMOOTHING, (2, 3))),
     load_dummies_kernel: list(product(SMOOTHING, ARTIFICIAL_VISCOSITY)),
+    pack_kernel: [(name,) for name in SMOOTHING],
     pressure_gradient_kernel: [(name, CUDA_LAYOUT) for name in SMOOTHING],
     wall_acceleration_kernel: [*product(WALL_FORCE, SMOOTHING), *((name, "wendland_c2", True) for name in WALL_FORCE)],
     body_points_kernel: [(True,), (False,)],
