@@ -50,7 +50,7 @@ def test_what_leaves_is_counted_and_the_run_goes_on(run_folder):
     assert facts["left"]["first [s]"] == left["time [s]"][0] and facts["left"]["last [s]"] == left["time [s]"][-1]
     assert facts["conservation"]["mass / mass placed"] == pytest.approx(1.0, abs=1e-6)
     # Two smoothing lengths beyond the wall that it ran over, no more than the way of a step farther.
-    assert (left["x [m]"] > 1.2 + 2 * 0.06).all() and (left["x [m]"] < 1.2 + 2 * 0.06 + 0.1).all()
+    assert (left["x [m]"] > 1.2 + 2 * 0.056).all() and (left["x [m]"] < 1.2 + 2 * 0.056 + 0.1).all()
 
 
 def test_energy_that_leaves_is_accounted_for(run_folder):
