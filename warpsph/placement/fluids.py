@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,6 +176,8 @@ def fill_sites(
     has_dummies = scene.wall_model.force == "dummy_particles"
     edge = 0.5 * math.sqrt(scene.dimensions) * size.max()
     slack = LATTICE_SLACK * dx
+    sides = [(-0.5, 0.5), (-0.5, 0.5) if scene.dimensions == 3 else (0.0,), (-0.5, 0.5)]
+    corners = (1.0 - LATTICE_SLACK) * size * np.array(list(product(*sides)))
     parts, shares, wet_cells = [], [], 0.0
     for cells in cell_centres(scene, path, np.zeros(3), (last - corner - slack) / size):
         sites = corner + size * cells
@@ -185,9 +188,13 @@ def fill_sites(
             (sites < lowest + 0.5 * size - slack) | (sites > last - 0.5 * size + slack), axis=1
         )
         share = is_wet(sites).astype(float)
+        # A wall that only touches a cell with wet corners leaves it whole, as all along the walls of a box.
+        whole = is_cut & (off > 0.5 * size.max() - slack)
+        for to_corner in corners:
+            whole[whole] = is_wet(sites[whole] + to_corner)
         kept = (share > 0.0) & (off > (fluid.clearance - CLEARANCE_SLACK) * dx)
         for some in np.array_split(np.flatnonzero(is_cut), 1 + int(is_cut.sum()) // PROBED_AT_ONCE):
-            share[some], middle = _wet_part(sites[some], size, scene.dimensions == 3, is_wet)
+            share[some], middle = _wet_part(sites[some], whole[some], size, scene.dimensions == 3, is_wet)
             if has_dummies:
                 sites[some] = np.where(share[some, None] < WHOLE, middle, sites[some])
         wet_cells += float(share.sum())
@@ -219,16 +226,26 @@ def fill_sites(
 
 
 def _wet_part(
-    sites: Array, size: Array, in_space: bool, is_wet: Callable[[Array], NDArray[np.bool_]]
+    sites: Array,
+    whole: NDArray[np.bool_],
+    size: Array,
+    in_space: bool,
+    is_wet: Callable[[Array], NDArray[np.bool_]],
 ) -> tuple[Array, Array]:
-    """Which share of the cells around `sites` [n, 3] is wet, shape [n], and the middle of it [m], shape [n, 3]."""
+    """Which share of the cells around `sites` [n, 3] is wet, shape [n], and the middle of it [m], shape [n, 3].
+
+    Cells that are known to be `whole` [n] are not felt out.
+    """
     probes = PROBES[in_space]
     line = (np.arange(probes) + 0.5) / probes - 0.5
     lines = [line, line if in_space else [0.0], line]
     raster = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     # Each cell is felt out on a raster of its own, or a wall along the lattice would be off by the same in all of them.
     shift = np.random.default_rng(0).uniform(size=(len(sites), 1, 3)) * [1.0, float(in_space), 1.0]
-    points = sites[:, None] + size * ((raster + shift + 0.5) % 1.0 - 0.5)
-    wet = is_wet(points.reshape(-1, 3)).reshape(len(sites), -1)
+    share, middle = np.ones(len(sites)), sites.copy()
+    points = sites[~whole, None] + size * ((raster + shift[~whole] + 0.5) % 1.0 - 0.5)
+    wet = is_wet(points.reshape(-1, 3)).reshape(points.shape[:2])
     count = wet.sum(axis=1)
-    return count / len(raster), np.einsum("np,npk->nk", wet, points) / np.maximum(count, 1)[:, None]
+    share[~whole] = count / len(raster)
+    middle[~whole] = np.einsum("np,npk->nk", wet, points) / np.maximum(count, 1)[:, None]
+    return share, middle
