@@ -116,14 +116,14 @@ def latin_hypercube(settings: dict[str, list[str]], count: int, seed: int) -> li
     for path, values in settings.items():
         if len(values) > 1:
             raise SweepError(f"--set {path}: with --samples it is one value or a range LOW:HIGH")
-    try:
-        from SALib.sample import latin
-    except ImportError:
-        raise SweepError("--samples needs SALib: pip install 'warpsph-waves[sweep]'") from None
     bounds = [[float(found[1]), float(found[2])] for found in ranges.values()]
     for path, (low, high) in zip(ranges, bounds, strict=True):
         if not low < high:
             raise SweepError(f"--set {path}: the first end of a range must be less than the second")
+    try:
+        from SALib.sample import latin
+    except ImportError:
+        raise SweepError("--samples needs SALib: pip install 'warpsph-waves[sweep]'") from None
     problem = {"num_vars": len(ranges), "names": list(ranges), "bounds": bounds}
     samples = latin.sample(problem, count, seed=seed)
     fixed = {path: values[0] for path, values in settings.items() if path not in ranges}
