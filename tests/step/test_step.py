@@ -300,7 +300,7 @@ def test_a_step_reads_nothing_back_and_allocates_nothing(make_collapse, device, 
 
 # Scenes with more and more in them; the most kernels of a step and of a rebuild. Sorts and scans are Warp's own.
 COUNTED = {
-    "still_water": ([], 12, 6),
+    "still_water": (["wall_model.force=radial"], 12, 6),
     "column_3d": (["spacing=0.05", "wall_model.force=radial"], 11, 6),
     "couette": ([], 33, 14),
     "sinking_disc": ([], 29, 8),

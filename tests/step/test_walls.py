@@ -109,4 +109,4 @@ def test_each_law_brings_what_suits_it(make_scene):
     assert (scene.wall_model.strength, scene.wall_model.set_back) == (0.01, 0.7)
     assert make_scene(scene.resolved_yaml()).wall_model == scene.wall_model
     with pytest.raises(SceneError, match=r"wall_model\.approach: goes with the force monaghan_kos; radial does not"):
-        load_scene(SCENES / "still_water.yaml", ["wall_model.approach=1.0"])
+        load_scene(SCENES / "still_water.yaml", ["wall_model.force=radial", "wall_model.approach=1.0"])

@@ -9,7 +9,7 @@ from warpsph.run import Run
 from warpsph.scene.scene import load_scene
 from warpsph.validation.still_water import measure_still_water
 
-AT_ONCE = ["warm_up=null", "run.end_time=5e-4", "output.pictures=false", "output.usd=false"]
+AT_ONCE = ["run.end_time=5e-4", "output.pictures=false", "output.usd=false"]
 
 
 @pytest.mark.parametrize("name", ["still_water", "still_water_3d"])
