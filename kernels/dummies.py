@@ -18,8 +18,8 @@ from functools import cache
 import warp as wp
 
 from .artificial_viscosity import ARTIFICIAL_VISCOSITY
-from .layout import Layout, compiler_options
-from .neighbours import BLOCK_EDGE, CellGrid, cell_at, place_of
+from .layout import Layout, Rows, compiler_options
+from .neighbours import BLOCK_EDGE, CellGrid, cell_at, last_entry, place_of
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import density_of
@@ -35,6 +35,7 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
         first: int,
         grid: CellGrid,
         parameters: Parameters,
+        again: int,
         radius: float,
         near_dummies: wp.array[wp.uint8],
         dummy_start: wp.array[int],
@@ -43,12 +44,14 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
         position: wp.array[wp.vec3],
         dummy_position: wp.array[wp.vec3],
         count_inout: wp.array[int],
-        list_out: wp.array2d[int],
+        list_out: Rows,
         too_long_out: wp.array[int],
     ):
         """Append the dummies within `radius` [m] to row i; `too_long_out[0]` is set where one found no room."""
         i = first + wp.tid()
-        if near_dummies[cell[i]] > wp.uint8(0):
+        longer = list_out.long_row[i]
+        last = last_entry(parameters, list_out, longer)
+        if near_dummies[cell[i]] > wp.uint8(0) and (longer >= 0 or again == 0):
             x_i = position[i]
             low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
             n = count_inout[i]
@@ -59,8 +62,8 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
                         d = dummy_order[slot]
                         x_id = x_i - dummy_position[d]
                         if wp.dot(x_id, x_id) < radius * radius:
-                            if n < parameters.list_capacity - 1:
-                                set_entry(list_out, i, n, parameters.particle_count + d)
+                            if n < last:
+                                set_entry(list_out, longer, i, n, parameters.particle_count + d)
                                 n += 1
                             else:
                                 too_long_out[0] = 1

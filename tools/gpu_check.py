@@ -17,6 +17,11 @@ runs out of time takes nothing along:
     tests       those that take a device
     largest     as many particles as fit
 
+A machine without a network needs what pyproject.toml asks for, carried along as wheels that are laid out here:
+
+    python -m pip install --target site '.[test]'              here; then there, where the driver is all that is needed
+    PYTHONPATH=site python tools/gpu_check.py --json gpu.json
+
 Exit code: 0 when all sections that were reached are as they should be, 1 when one is not.
 """
 
@@ -52,11 +57,25 @@ from warpsph.scene.scene import load_scene  # noqa: E402
 from warpsph.simulation import Simulation  # noqa: E402
 
 SCENES = ROOT / "scenes"
-AGREEING: dict[str, tuple[str, ...]] = dict.fromkeys(
-    ("landslide", "still_water_3d", "floating_box_3d", "couette", "column_3d"), ()
-)
+# Walls that push and dummy particles, in the plane and in space, images, bodies and a paddle made of either.
+AGREEING: dict[str, tuple[str, ...]] = {
+    "landslide": (),
+    "dam_break": (),
+    "still_water_3d": (),
+    "floating_box_3d": (),
+    "couette": (),
+    "column_3d": (),
+    "wave_maker": (),
+}
 AGREEMENT_STEPS = 200
-SMALL_SCENES = ("landslide", "block_maciel", "floating_box_3d", "couette", "herschel_bulkley")
+SMALL_SCENES = ("landslide", "wave_maker", "block_maciel", "floating_box_3d", "couette", "herschel_bulkley")
+# What a case of `rates` is other than the benchmark's: it has walls that push, the default is dummy particles.
+VARIANTS = {
+    "lists": ["neighbours=lists"],
+    "cells": ["neighbours=cells"],
+    "auto": [],
+    "dummies": ["wall_model={force: dummy_particles}", "smoothing.ratio=1.4"],
+}
 # Differences that rounding the start makes are this many times smaller than what is allowed between two devices: these
 # round at every step, not only once.
 MORE_ROUNDING = 100.0
@@ -178,23 +197,24 @@ def landslide(device: str, sizes: Sizes) -> dict[str, Any]:
 
 
 def rates(device: str, sizes: Sizes) -> dict[str, Any]:
-    """Whole-step rates by the benchmark, sizes ascending, lists against cells at the first of each."""
+    """Whole-step rates by the benchmark, sizes ascending; lists against cells and dummies at the first of each."""
     found = []
     wanted = [("dam_break", n, "lists") for n in sizes.plane] + [("column_3d", n, "lists") for n in sizes.space[:2]]
-    wanted += [("dam_break", sizes.plane[0], "cells"), ("column_3d", sizes.space[0], "cells")]
+    for variant in ("dummies", "cells"):
+        wanted += [("dam_break", sizes.plane[0], variant), ("column_3d", sizes.space[0], variant)]
     wanted += [("column_3d", n, "lists") for n in sizes.space[2:]]
-    for case, particles, neighbours in wanted:
-        result = in_process(f"rate:{case}:{particles}:{neighbours}", device, sizes, 150.0)
-        found.append({"case": case, "particles": particles, "neighbours": neighbours} | result)
+    for case, particles, variant in wanted:
+        result = in_process(f"rate:{case}:{particles}:{variant}", device, sizes, 150.0)
+        found.append({"case": case, "particles": particles, "variant": variant} | result)
         if "error" in result:
-            show(f"{case} {particles} {neighbours}: {result['error'][-600:]}")
+            show(f"{case} {particles} {variant}: {result['error'][-600:]}")
     return {"cases": found, "ok": all("error" not in result for result in found)}
 
 
-def rate(case: str, particles: str, neighbours: str, device: str, sizes: Sizes) -> dict[str, Any]:
+def rate(case: str, particles: str, variant: str, device: str, sizes: Sizes) -> dict[str, Any]:
     """One entry of `rates`."""
     began = time.perf_counter()
-    chosen = cases.CASES[case](int(particles), [f"neighbours={neighbours}"])
+    chosen = cases.CASES[case](int(particles), VARIANTS[variant])
     with bandwidth.recorded_launches() as recorded:
         simulation = bench.ready(chosen.scene, device, None, None)
         set_up = time.perf_counter() - began
@@ -215,7 +235,7 @@ def rate(case: str, particles: str, neighbours: str, device: str, sizes: Sizes) 
         "lists": listed,
     }
     show(
-        f"{case} {count:,} {neighbours}: {timing.updates_per_second / 1e6:.1f} M updates/s; {sweeps} sweeps, "
+        f"{case} {count:,} {variant}: {timing.updates_per_second / 1e6:.1f} M updates/s; {sweeps} sweeps, "
         + ", ".join(f"{n / 1e6:.0f} M/s" for n in result["sweeps per second"].values())
         + f"; {timing.neighbours_listed:.1f} listed, lists every {timing.steps_per_list:.1f} steps; "
         f"{result['bytes per particle']:.0f} bytes a particle; set up in {set_up:.1f} s"
