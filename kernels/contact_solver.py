@@ -229,12 +229,14 @@ def solve_contacts(
         change = zero
         largest = zero
         for b in range(bodies.count):
+            # One contact waits for what the one before it has done to the body: that stays at hand.
+            velocity_b, spin_b = wp.vec3d(velocity_inout[i, b]), wp.vec3d(spin_inout[i, b])
             for n in range(count[b]):
                 o = other[b, n]
                 unit = normal[b, n]
                 row = b * contact.capacity + n
                 r_b, r_o = place[b, n] - position[b], place[b, n] - position[o]
-                u = velocity_inout[i, b] + wp.cross(spin_inout[i, b], r_b)
+                u = velocity_b + wp.cross(spin_b, r_b)
                 u -= velocity_inout[i, o] + wp.cross(spin_inout[i, o], r_o)
                 old = impulse_inout[i, row]
                 old_n = wp.dot(old, unit)
@@ -242,9 +244,9 @@ def solve_contacts(
                 p_n = wp.max(old_n + (target[b, n] - wp.dot(u, unit)) * inverse_compliance[b, n], zero)
                 # Friction sees what the normal impulse has done to the velocity across.
                 p = (p_n - old_n) * unit
-                velocity_b = velocity_inout[i, b] + wp.cw_mul(inverse_mass[b], p)
+                velocity_b += wp.cw_mul(inverse_mass[b], p)
                 velocity_o = velocity_inout[i, o] - wp.cw_mul(inverse_mass[o], p)
-                spin_b = spin_inout[i, b] + inverse_inertia[b] * wp.cross(r_b, p)
+                spin_b += inverse_inertia[b] * wp.cross(r_b, p)
                 spin_o = spin_inout[i, o] - inverse_inertia[o] * wp.cross(r_o, p)
                 u = velocity_b + wp.cross(spin_b, r_b) - velocity_o - wp.cross(spin_o, r_o)
                 u_t = u - wp.dot(u, unit) * unit
@@ -264,14 +266,16 @@ def solve_contacts(
                         p_t = old_t - u_t / yielding
                 p_t = within(p_t, friction[b, n] * p_n)
                 p = p_t - old_t
-                velocity_inout[i, b] = velocity_b + wp.cw_mul(inverse_mass[b], p)
+                velocity_b += wp.cw_mul(inverse_mass[b], p)
                 velocity_inout[i, o] = velocity_o - wp.cw_mul(inverse_mass[o], p)
-                spin_inout[i, b] = spin_b + inverse_inertia[b] * wp.cross(r_b, p)
+                spin_b += inverse_inertia[b] * wp.cross(r_b, p)
                 spin_inout[i, o] = spin_o - inverse_inertia[o] * wp.cross(r_o, p)
                 new = p_n * unit + p_t
                 impulse_inout[i, row] = new
                 change = wp.max(change, wp.length(new - old))
                 largest = wp.max(largest, wp.length(new))
+            velocity_inout[i, b] = velocity_b
+            spin_inout[i, b] = spin_b
         sweep += 1
 
     for b in range(bodies.count):

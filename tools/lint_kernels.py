@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 SCALARS = {"int", "float", "bool"}
-LISTS = {"Rows"}  # structs of arrays that are no numbers
+LISTS = {"Rows"}  # structs that hold no numbers but lists
 OUTPUTS = ("_out", "_inout")
 FLOAT_ATOMICS = {"wp.atomic_add", "wp.atomic_sub", "wp.atomic_min", "wp.atomic_max"}
 BANNED_CALLS = {

@@ -177,7 +177,7 @@ def tank(x: int, y: int, z: int) -> Scene:
         "walls": [
             {
                 "name": "tank",
-                "box": {"min": [x - 0.6, y + 0.0, z + 0.0], "max": [x + 1.2, y + 0.4, z + 0.6], "open": ["top"]},
+                "box": {"min": [x - 0.4, y + 0.0, z + 0.0], "max": [x + 1.2, y + 0.4, z + 0.6], "open": ["top"]},
             }
         ],
         "fluids": [
@@ -192,6 +192,7 @@ def tank(x: int, y: int, z: int) -> Scene:
             "x": x + 0.0,
             "bed": z + 0.0,
             "width": [y + 0.0, y + 0.4],
+            "thickness": 0.2,
             "depth": 0.3,
             "height": 0.04,
             "period": 1.2,
