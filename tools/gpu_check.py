@@ -91,10 +91,11 @@ class Sizes:
     steps: int
     largest: tuple[int, ...]
     until: float  # end time of the landslide [s]; inf: its own
+    patience: float  # how many times as long anything may take
 
 
-FULL = Sizes((1_000_000, 4_000_000), (1_000_000, 4_000_000, 16_000_000), 100, (30_000_000,), math.inf)
-SMALL = Sizes((10_000,), (8_000,), 10, (20_000,), 0.01)
+FULL = Sizes((1_000_000, 4_000_000), (1_000_000, 4_000_000, 16_000_000), 100, (30_000_000,), math.inf, 1.0)
+SMALL = Sizes((10_000,), (8_000,), 10, (20_000,), 0.01, 8.0)
 
 
 def show(text: str) -> None:
@@ -306,13 +307,13 @@ def interrupt(device: str, sizes: Sizes) -> dict[str, Any]:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         ) as process:
-            until = time.perf_counter() + 60.0
+            until = time.perf_counter() + 60.0 * sizes.patience
             while not (stopped / "energy.csv").exists() and time.perf_counter() < until:
                 time.sleep(0.1)
             time.sleep(1.0)
             process.send_signal(signal.SIGINT)
             try:
-                text, _ = process.communicate(timeout=60.0)
+                text, _ = process.communicate(timeout=60.0 * sizes.patience)
             except subprocess.TimeoutExpired:
                 process.kill()
                 text, _ = process.communicate()
@@ -322,10 +323,10 @@ def interrupt(device: str, sizes: Sizes) -> dict[str, Any]:
         # A cube of 0.5 m: more particles than any memory holds, asked for on purpose.
         large = ["scene", str(SCENES / "column_3d.yaml"), "--set", "spacing=0.0003", "--device", device]
         try:
-            done = warpsph(*large, "--out", str(Path(folder) / "large"), timeout=90.0)
+            done = warpsph(*large, "--out", str(Path(folder) / "large"), timeout=90.0 * sizes.patience)
             text, code = done.stderr + done.stdout, done.returncode
         except subprocess.TimeoutExpired:
-            text, code = "did not end within 90 s", -1
+            text, code = "did not end", -1
         found["memory"] = {"exit": code, "text": text[-500:]}
         ok &= "Traceback" not in text and code in (2, 4)
         show(f"too large: exit {code}, {text.strip().splitlines()[-1] if text.strip() else ''}")
@@ -385,9 +386,9 @@ def in_process(name: str, device: str, sizes: Sizes, limit: float) -> dict[str, 
         command = [sys.executable, __file__, "--device", device, "--part", name, "--json", str(answer)]
         command += ["--small"] if sizes is SMALL else []
         try:
-            done = subprocess.run(command, cwd=ROOT, timeout=limit, stderr=subprocess.PIPE, text=True)
+            done = subprocess.run(command, cwd=ROOT, timeout=sizes.patience * limit, stderr=subprocess.PIPE, text=True)
         except subprocess.TimeoutExpired:
-            return {"error": f"did not end within {limit:.0f} s", "ok": False}
+            return {"error": f"did not end within {sizes.patience * limit:.0f} s", "ok": False}
         if not answer.exists():
             return {"error": done.stderr[-3000:] or f"exit code {done.returncode}", "ok": False}
         return json.loads(answer.read_text(encoding="utf-8"))
@@ -426,7 +427,7 @@ def main() -> int:
             continue
         print(f"{name}:", flush=True)
         start = time.perf_counter()
-        found[name] = in_process(name, options.device, sizes, min(left, SECTIONS[name][1]))
+        found[name] = in_process(name, options.device, sizes, min(left / sizes.patience, SECTIONS[name][1]))
         if "error" in found[name]:
             show(found[name]["error"][-1500:])
         print(f"    [{'ok' if found[name]['ok'] else 'NOT OK'}, {time.perf_counter() - start:.1f} s]", flush=True)
