@@ -85,18 +85,39 @@ def reached(head: float, row: float) -> float:
     return wp.where(row > 0.0, wp.clamp(0.5 + head / wp.max(row, 1.0e-20), 0.0, 1.0), 1.0)
 
 
+@wp.func
+def load_floats(position_volume: wp.array[float], velocity_pressure: wp.array[float], f: int):
+    """x, y, z, V, u, v, w, p of particle f as a CPU takes several of them at once: one by one."""
+    xV, up = 4 * f, 4 * f
+    x, y, z, V = position_volume[xV], position_volume[xV + 1], position_volume[xV + 2], position_volume[xV + 3]
+    u, v, w, p = velocity_pressure[up], velocity_pressure[up + 1], velocity_pressure[up + 2], velocity_pressure[up + 3]
+    return x, y, z, V, u, v, w, p
+
+
+@wp.func
+def load_floats_in_plane(position_volume: wp.array[float], velocity_pressure: wp.array[float], f: int):
+    """The same in a plane, where x lies in the place of v."""
+    x, y, z, V, u, _x, w, p = load_floats(position_volume, velocity_pressure, f)
+    return x, y, z, V, u, 0.0, w, p
+
+
+FLOATS = {2: load_floats_in_plane, 3: load_floats}
+
+
 @cache
-def press_dummies_kernel(smoothing: str, dimensions: int) -> wp.Kernel:
-    """A kernel that carries the fluid's pressure on into the walls."""
+def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.Kernel:
+    """A kernel that carries the fluid's pressure on into the walls; it reads vectors on a GPU, and floats on a CPU."""
     shape, slope = SMOOTHING[smoothing].shape, SMOOTHING[smoothing].slope
+    on_gpu = layout.by_column
+    packed, load = (layout.packed, layout.load[dimensions]) if on_gpu else (float, FLOATS[dimensions])
     in_space = dimensions == 3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(in_space))
     def press_dummies(
         first: int,
         parameters: Parameters,
-        position_volume: wp.array[float],
-        velocity_pressure: wp.array[float],
+        position_volume: wp.array[packed],
+        velocity_pressure: wp.array[packed],
         fluid: wp.array[int],
         position: wp.array[wp.vec3],
         velocity: wp.array[wp.vec3],
@@ -125,18 +146,11 @@ def press_dummies_kernel(smoothing: str, dimensions: int) -> wp.Kernel:
         end = fluid_first[d + 1]
         while n < end:
             f = fluid_list[n]
-            x, y, z = (
-                x_d[0] - position_volume[4 * f],
-                x_d[1] - position_volume[4 * f + 1],
-                x_d[2] - position_volume[4 * f + 2],
-            )
-            V_f, p_f = position_volume[4 * f + 3], velocity_pressure[4 * f + 3]
+            x_f, y_f, z_f, V_f, u, v, w, p_f = load(position_volume, velocity_pressure, f)
+            x, y, z = x_d[0] - x_f, x_d[1] - y_f, x_d[2] - z_f
             material = fluid[f]
             rho_f = parameters.mass[material] / V_f
             c_f = parameters.sound_speed[material]
-            u, v, w = velocity_pressure[4 * f], 0.0, velocity_pressure[4 * f + 2]
-            if wp.static(in_space):
-                v = velocity_pressure[4 * f + 1]
             q = wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h
             W = shape(q)
             weight += W

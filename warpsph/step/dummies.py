@@ -72,11 +72,12 @@ class Dummies:
         self._count_fluid = record(wall_points_kernel(listing=False), self.count, around)
         self._list_fluid = record(wall_points_kernel(listing=True), self.count, around)
         packed = (s.position_volume, s.velocity_pressure)
+        read = packed if m.layout.by_column else [alias(array, float, 4 * len(array)) for array in packed]
         self._press = record(
-            kernels.press_dummies_kernel(m.scene.smoothing.kernel, m.scene.dimensions),
+            kernels.press_dummies_kernel(m.scene.smoothing.kernel, m.scene.dimensions, m.layout),
             self.count,
             [
-                *(m.parameters, *(alias(array, float, 4 * len(array)) for array in packed), s.fluid),
+                *(m.parameters, *read, s.fluid),
                 *(self._position, self._velocity, self._acceleration, self._room, self.first, self.list),
                 *(*(alias(array[n:], wp.vec4, self.count) for array in packed), self.power),
             ],
