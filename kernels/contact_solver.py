@@ -193,7 +193,9 @@ def solve_contacts(
     last_key_out: wp.array2d[wp.int64],
 ):
     """One thread solves all contacts in order: each reads what the one before it has made of the velocities, which is
-    what the sweeps converge by, so that more threads would only take turns. Each `*_inout` array has one row, so that it keeps to its own index.
+    what the sweeps converge by, so that more threads would only take turns.
+
+    Each `*_inout` array has one row, so that it keeps to its own index.
 
     Velocities [m/s] and spins [rad/s] become admissible. Overlaps of more than the slack are put right by a shift [m]
     and a turn [rad], which leave no velocity behind. Impulses [N s] are kept for the next start, entry b capacity + n,
