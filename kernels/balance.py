@@ -20,7 +20,7 @@ import warp as wp
 
 from .corrections import LEAST_MOMENT, LEAST_SPAN, MOMENTS_WITH, Moments, moments_matrix, spanning_inverse
 from .images import Images
-from .layout import CPU_LAYOUT, Layout, compiler_options
+from .layout import CPU_LAYOUT, Layout, Rows, compiler_options
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 
@@ -76,7 +76,7 @@ def balance_kernel(
         place: wp.array[wp.vec4],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         balance: wp.array[float],

@@ -27,6 +27,8 @@ BALL = wp.constant(4)
 # Tilts by which the points that span a contact are told from those between them: 0 and eight ways, of which the
 # first two are in the x-z plane.
 MOST_SLOTS = 9
+# Legs in a block: a body that touches none of them passes them over as one.
+LEG_BLOCK = wp.constant(64)
 # Edges whose directions differ by less are parallel: they touch where corners do. And how far the normal of two edges
 # may lie beyond a face. Sine of the angle.
 PARALLEL = wp.constant(wp.float64(1.0e-4))
@@ -280,8 +282,12 @@ def find_contacts(
     orientation: wp.array[wp.quatd],
     inverse_mass: wp.array[wp.vec3d],
     point_out: wp.array2d[int],
+    touched_out: wp.array2d[int],
 ):
-    """For a body and a leg that may touch, row b * leg_count + leg: the points that would touch first, -1 for none."""
+    """For a body and a leg that may touch, row b * leg_count + leg: the points that would touch first, -1 for none.
+
+    Where there are any, the body's entry for the block of the leg is 1.
+    """
     row = first + wp.tid()
     b = row // leg_count
     leg = row - b * leg_count
@@ -309,3 +315,5 @@ def find_contacts(
                                 chosen[slot] = k
         for slot in range(contact.slots):
             point_out[row, slot] = chosen[slot]
+        if chosen[0] >= 0:
+            touched_out[b, leg // LEG_BLOCK] = 1

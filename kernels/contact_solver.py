@@ -22,7 +22,7 @@ Which contacts there are is found in contact.py.
 import warp as wp
 
 from .bodies import Bodies
-from .contact import MOST_SLOTS, Chosen, Contact, may_touch, point_coordinates
+from .contact import LEG_BLOCK, MOST_SLOTS, Chosen, Contact, may_touch, point_coordinates
 
 # The share of an overlap that is put right in a step, and the sweeps for it.
 OVERLAP_SHARE = wp.constant(wp.float64(0.2))
@@ -95,67 +95,73 @@ def gather_contacts(
     friction_out: wp.array2d[wp.float64],
     inverse_compliance_out: wp.array2d[wp.float64],
     start_impulse_out: wp.array2d[wp.vec3d],
+    touched_inout: wp.array2d[int],
 ):
     """The contacts of body b: place, normal, gap, the velocity to reach [m/s], mu, and the impulse of last time."""
     b = first + wp.tid()
     step = wp.float64(dt[0])
     found = int(0)
-    for leg in range(leg_count):
-        if may_touch(contact, b, leg, position, orientation, inverse_mass):
-            other = contact.leg_body[leg]
-            taken = Chosen()
-            for slot in range(MOST_SLOTS):
-                taken[slot] = -1
-            for slot in range(contact.slots):
-                k = point[b * leg_count + leg, slot]
-                taken[slot] = k
-                is_new = k >= 0 and found < contact.capacity
-                for earlier in range(slot):
-                    if taken[earlier] == k:
-                        is_new = False
-                if is_new:
-                    gap, n, _t, _s, _is_near, arm = point_coordinates(
-                        contact, leg, b, k, position[b], orientation[b], position[other], orientation[other]
-                    )
-                    x = position[b] + arm
-                    arm_other = x - position[other]
-                    before = velocity_before[b] + wp.cross(spin_before[b], arm)
-                    before -= velocity_before[other] + wp.cross(spin_before[other], arm_other)
-                    now = velocity[b] + wp.cross(spin[b], arm)
-                    now -= velocity[other] + wp.cross(spin[other], arm_other)
-                    target = -wp.max(gap, wp.float64(0.0)) / step
-                    approach = -wp.dot(before, n)
-                    bounce = mixed(contact.restitution[b], contact.restitution[other]) * approach
-                    if wp.dot(now, n) < target and bounce > contact.creep:
-                        target = bounce
-                    mu = mixed(contact.dynamic_friction[b], contact.dynamic_friction[other])
-                    if wp.length(before + approach * n) < contact.still:
-                        mu = mixed(contact.static_friction[b], contact.static_friction[other])
-                    yielding = compliance(
-                        inverse_mass[b],
-                        inverse_inertia[b],
-                        inverse_mass[other],
-                        inverse_inertia[other],
-                        arm,
-                        arm_other,
-                        n,
-                    )
-                    key = wp.int64(k) * wp.int64(leg_count) + wp.int64(leg)
-                    impulse = wp.vec3d()
-                    for old in range(last_count[b]):
-                        if last_key[b, old] == key:
-                            impulse = last_impulse[0, b * contact.capacity + old]
-                    if yielding > wp.float64(0.0):
-                        key_out[b, found] = key
-                        other_out[b, found] = other
-                        place_out[b, found] = x
-                        normal_out[b, found] = n
-                        gap_out[b, found] = gap
-                        target_out[b, found] = target
-                        friction_out[b, found] = mu
-                        inverse_compliance_out[b, found] = wp.float64(1.0) / yielding
-                        start_impulse_out[b, found] = impulse
-                        found += 1
+    for block in range((leg_count + LEG_BLOCK - 1) // LEG_BLOCK):
+        # One after the other, so that contacts keep their order; but few blocks have any.
+        begin = block * LEG_BLOCK
+        end = wp.where(touched_inout[b, block] > 0, wp.min(begin + LEG_BLOCK, leg_count), begin)
+        touched_inout[b, block] = 0
+        for leg in range(begin, end):
+            if may_touch(contact, b, leg, position, orientation, inverse_mass):
+                other = contact.leg_body[leg]
+                taken = Chosen()
+                for slot in range(MOST_SLOTS):
+                    taken[slot] = -1
+                for slot in range(contact.slots):
+                    k = point[b * leg_count + leg, slot]
+                    taken[slot] = k
+                    is_new = k >= 0 and found < contact.capacity
+                    for earlier in range(slot):
+                        if taken[earlier] == k:
+                            is_new = False
+                    if is_new:
+                        gap, n, _t, _s, _is_near, arm = point_coordinates(
+                            contact, leg, b, k, position[b], orientation[b], position[other], orientation[other]
+                        )
+                        x = position[b] + arm
+                        arm_other = x - position[other]
+                        before = velocity_before[b] + wp.cross(spin_before[b], arm)
+                        before -= velocity_before[other] + wp.cross(spin_before[other], arm_other)
+                        now = velocity[b] + wp.cross(spin[b], arm)
+                        now -= velocity[other] + wp.cross(spin[other], arm_other)
+                        target = -wp.max(gap, wp.float64(0.0)) / step
+                        approach = -wp.dot(before, n)
+                        bounce = mixed(contact.restitution[b], contact.restitution[other]) * approach
+                        if wp.dot(now, n) < target and bounce > contact.creep:
+                            target = bounce
+                        mu = mixed(contact.dynamic_friction[b], contact.dynamic_friction[other])
+                        if wp.length(before + approach * n) < contact.still:
+                            mu = mixed(contact.static_friction[b], contact.static_friction[other])
+                        yielding = compliance(
+                            inverse_mass[b],
+                            inverse_inertia[b],
+                            inverse_mass[other],
+                            inverse_inertia[other],
+                            arm,
+                            arm_other,
+                            n,
+                        )
+                        key = wp.int64(k) * wp.int64(leg_count) + wp.int64(leg)
+                        impulse = wp.vec3d()
+                        for old in range(last_count[b]):
+                            if last_key[b, old] == key:
+                                impulse = last_impulse[0, b * contact.capacity + old]
+                        if yielding > wp.float64(0.0):
+                            key_out[b, found] = key
+                            other_out[b, found] = other
+                            place_out[b, found] = x
+                            normal_out[b, found] = n
+                            gap_out[b, found] = gap
+                            target_out[b, found] = target
+                            friction_out[b, found] = mu
+                            inverse_compliance_out[b, found] = wp.float64(1.0) / yielding
+                            start_impulse_out[b, found] = impulse
+                            found += 1
     count_out[b] = found
 
 
@@ -186,7 +192,10 @@ def solve_contacts(
     last_count_out: wp.array[int],
     last_key_out: wp.array2d[wp.int64],
 ):
-    """One thread solves all contacts in order; each `*_inout` array has one row, so that it keeps to its own index.
+    """One thread solves all contacts in order: each reads what the one before it has made of the velocities, which is
+    what the sweeps converge by, so that more threads would only take turns.
+
+    Each `*_inout` array has one row, so that it keeps to its own index.
 
     Velocities [m/s] and spins [rad/s] become admissible. Overlaps of more than the slack are put right by a shift [m]
     and a turn [rad], which leave no velocity behind. Impulses [N s] are kept for the next start, entry b capacity + n,
@@ -223,12 +232,14 @@ def solve_contacts(
         change = zero
         largest = zero
         for b in range(bodies.count):
+            # One contact waits for what the one before it has done to the body: that stays at hand.
+            velocity_b, spin_b = wp.vec3d(velocity_inout[i, b]), wp.vec3d(spin_inout[i, b])
             for n in range(count[b]):
                 o = other[b, n]
                 unit = normal[b, n]
                 row = b * contact.capacity + n
                 r_b, r_o = place[b, n] - position[b], place[b, n] - position[o]
-                u = velocity_inout[i, b] + wp.cross(spin_inout[i, b], r_b)
+                u = velocity_b + wp.cross(spin_b, r_b)
                 u -= velocity_inout[i, o] + wp.cross(spin_inout[i, o], r_o)
                 old = impulse_inout[i, row]
                 old_n = wp.dot(old, unit)
@@ -236,9 +247,9 @@ def solve_contacts(
                 p_n = wp.max(old_n + (target[b, n] - wp.dot(u, unit)) * inverse_compliance[b, n], zero)
                 # Friction sees what the normal impulse has done to the velocity across.
                 p = (p_n - old_n) * unit
-                velocity_b = velocity_inout[i, b] + wp.cw_mul(inverse_mass[b], p)
+                velocity_b += wp.cw_mul(inverse_mass[b], p)
                 velocity_o = velocity_inout[i, o] - wp.cw_mul(inverse_mass[o], p)
-                spin_b = spin_inout[i, b] + inverse_inertia[b] * wp.cross(r_b, p)
+                spin_b += inverse_inertia[b] * wp.cross(r_b, p)
                 spin_o = spin_inout[i, o] - inverse_inertia[o] * wp.cross(r_o, p)
                 u = velocity_b + wp.cross(spin_b, r_b) - velocity_o - wp.cross(spin_o, r_o)
                 u_t = u - wp.dot(u, unit) * unit
@@ -258,14 +269,16 @@ def solve_contacts(
                         p_t = old_t - u_t / yielding
                 p_t = within(p_t, friction[b, n] * p_n)
                 p = p_t - old_t
-                velocity_inout[i, b] = velocity_b + wp.cw_mul(inverse_mass[b], p)
+                velocity_b += wp.cw_mul(inverse_mass[b], p)
                 velocity_inout[i, o] = velocity_o - wp.cw_mul(inverse_mass[o], p)
-                spin_inout[i, b] = spin_b + inverse_inertia[b] * wp.cross(r_b, p)
+                spin_b += inverse_inertia[b] * wp.cross(r_b, p)
                 spin_inout[i, o] = spin_o - inverse_inertia[o] * wp.cross(r_o, p)
                 new = p_n * unit + p_t
                 impulse_inout[i, row] = new
                 change = wp.max(change, wp.length(new - old))
                 largest = wp.max(largest, wp.length(new))
+            velocity_inout[i, b] = velocity_b
+            spin_inout[i, b] = spin_b
         sweep += 1
 
     for b in range(bodies.count):

@@ -6,7 +6,7 @@ from functools import cache
 import warp as wp
 
 from .blocks import Blocks, item_of
-from .layout import CPU_LAYOUT, Layout
+from .layout import CPU_LAYOUT, Layout, Rows
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import internal_energy, pressure
@@ -95,7 +95,7 @@ def density_filter_kernel(
         position_volume: wp.array[wp.vec4],
         fluid: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         density: wp.array[wp.float64],
         filtered_density_out: wp.array[wp.float64],
     ):

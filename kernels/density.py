@@ -6,7 +6,7 @@ from functools import cache
 import warp as wp
 
 from .corrections import renormalisation
-from .layout import CPU_LAYOUT, Layout
+from .layout import CPU_LAYOUT, Layout, Rows
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import density_of
@@ -62,7 +62,7 @@ def pressure_gradient_kernel(smoothing: str, layout: Layout = CPU_LAYOUT) -> wp.
         velocity_pressure: wp.array[wp.vec4],
         fluid: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         pressure_gradient_out: wp.array[wp.vec3],
     ):
         """<grad p>_i [Pa/m], exact for a linear pressure wherever neighbours of the same fluid span space."""

@@ -21,8 +21,8 @@ from functools import cache
 import warp as wp
 
 from .artificial_viscosity import ARTIFICIAL_VISCOSITY
-from .layout import Layout, compiler_options
-from .neighbours import BLOCK_EDGE, CellGrid, cell_at, place_of
+from .layout import Layout, Rows, compiler_options
+from .neighbours import BLOCK_EDGE, CellGrid, cell_at, last_entry, place_of
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import density_of
@@ -38,6 +38,7 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
         first: int,
         grid: CellGrid,
         parameters: Parameters,
+        again: int,
         radius: float,
         near_dummies: wp.array[wp.uint8],
         dummy_start: wp.array[int],
@@ -46,12 +47,14 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
         position: wp.array[wp.vec3],
         dummy_position: wp.array[wp.vec3],
         count_inout: wp.array[int],
-        list_out: wp.array2d[int],
+        list_out: Rows,
         too_long_out: wp.array[int],
     ):
         """Append the dummies within `radius` [m] to row i; `too_long_out[0]` is set where one found no room."""
         i = first + wp.tid()
-        if near_dummies[cell[i]] > wp.uint8(0):
+        longer = list_out.long_row[i]
+        last = last_entry(parameters, list_out, longer)
+        if near_dummies[cell[i]] > wp.uint8(0) and (longer >= 0 or again == 0):
             x_i = position[i]
             low, high = cell_at(grid, x_i - wp.vec3(radius)), cell_at(grid, x_i + wp.vec3(radius))
             n = count_inout[i]
@@ -62,8 +65,8 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
                         d = dummy_order[slot]
                         x_id = x_i - dummy_position[d]
                         if wp.dot(x_id, x_id) < radius * radius:
-                            if n < parameters.list_capacity - 1:
-                                set_entry(list_out, i, n, parameters.particle_count + d)
+                            if n < last:
+                                set_entry(list_out, longer, i, n, parameters.particle_count + d)
                                 n += 1
                             else:
                                 too_long_out[0] = 1
@@ -82,18 +85,39 @@ def reached(head: float, row: float) -> float:
     return wp.where(row > 0.0, wp.clamp(0.5 + head / wp.max(row, 1.0e-20), 0.0, 1.0), 1.0)
 
 
+@wp.func
+def load_floats(position_volume: wp.array[float], velocity_pressure: wp.array[float], f: int):
+    """x, y, z, V, u, v, w, p of particle f as a CPU takes several of them at once: one by one."""
+    xV, up = 4 * f, 4 * f
+    x, y, z, V = position_volume[xV], position_volume[xV + 1], position_volume[xV + 2], position_volume[xV + 3]
+    u, v, w, p = velocity_pressure[up], velocity_pressure[up + 1], velocity_pressure[up + 2], velocity_pressure[up + 3]
+    return x, y, z, V, u, v, w, p
+
+
+@wp.func
+def load_floats_in_plane(position_volume: wp.array[float], velocity_pressure: wp.array[float], f: int):
+    """The same in a plane, where x lies in the place of v."""
+    x, y, z, V, u, _x, w, p = load_floats(position_volume, velocity_pressure, f)
+    return x, y, z, V, u, 0.0, w, p
+
+
+FLOATS = {2: load_floats_in_plane, 3: load_floats}
+
+
 @cache
-def press_dummies_kernel(smoothing: str, dimensions: int) -> wp.Kernel:
-    """A kernel that carries the fluid's pressure on into the walls."""
+def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.Kernel:
+    """A kernel that carries the fluid's pressure on into the walls; it reads vectors on a GPU, and floats on a CPU."""
     shape, slope = SMOOTHING[smoothing].shape, SMOOTHING[smoothing].slope
+    on_gpu = layout.by_column
+    packed, load = (layout.packed, layout.load[dimensions]) if on_gpu else (float, FLOATS[dimensions])
     in_space = dimensions == 3
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options(in_space))
     def press_dummies(
         first: int,
         parameters: Parameters,
-        position_volume: wp.array[float],
-        velocity_pressure: wp.array[float],
+        position_volume: wp.array[packed],
+        velocity_pressure: wp.array[packed],
         fluid: wp.array[int],
         position: wp.array[wp.vec3],
         velocity: wp.array[wp.vec3],
@@ -122,18 +146,11 @@ def press_dummies_kernel(smoothing: str, dimensions: int) -> wp.Kernel:
         end = fluid_first[d + 1]
         while n < end:
             f = fluid_list[n]
-            x, y, z = (
-                x_d[0] - position_volume[4 * f],
-                x_d[1] - position_volume[4 * f + 1],
-                x_d[2] - position_volume[4 * f + 2],
-            )
-            V_f, p_f = position_volume[4 * f + 3], velocity_pressure[4 * f + 3]
+            x_f, y_f, z_f, V_f, u, v, w, p_f = load(position_volume, velocity_pressure, f)
+            x, y, z = x_d[0] - x_f, x_d[1] - y_f, x_d[2] - z_f
             material = fluid[f]
             rho_f = parameters.mass[material] / V_f
             c_f = parameters.sound_speed[material]
-            u, v, w = velocity_pressure[4 * f], 0.0, velocity_pressure[4 * f + 2]
-            if wp.static(in_space):
-                v = velocity_pressure[4 * f + 1]
             q = wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h
             W = shape(q)
             weight += W

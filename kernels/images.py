@@ -17,8 +17,8 @@ from functools import cache
 import warp as wp
 
 from .blocks import Blocks, item_of
-from .layout import Layout
-from .neighbours import BLOCK_EDGE, CellGrid, place_of
+from .layout import Layout, Rows
+from .neighbours import BLOCK_EDGE, CellGrid, last_entry, place_of
 from .parameters import Parameters
 
 
@@ -237,13 +237,14 @@ def list_ghosts_kernel(layout: Layout) -> wp.Kernel:
         grid: CellGrid,
         parameters: Parameters,
         particle_count: int,
+        again: int,
         ghost_start: wp.array[int],
         ghost_order: wp.array[int],
         cell: wp.array[int],
         position: wp.array[wp.vec3],
         ghost_position: wp.array[wp.vec3],
         count_inout: wp.array[int],
-        list_out: wp.array2d[int],
+        list_out: Rows,
         inner_count_out: wp.array[int],
         too_long_out: wp.array[int],
     ):
@@ -255,22 +256,25 @@ def list_ghosts_kernel(layout: Layout) -> wp.Kernel:
         x_i, cell_i = position[i], cell[i]
         square_radius = parameters.list_radius * parameters.list_radius
         along, row_cells, layer_cells = grid.reach[0], grid.count[0], grid.count[0] * grid.count[1]
-        n = count_inout[i]
-        inner_count_out[i] = n
-        for b in range(-grid.reach[1], grid.reach[1] + 1):
-            for a in range(-grid.reach[2], grid.reach[2] + 1):
-                middle = cell_i + a * layer_cells + b * row_cells
-                for slot in range(ghost_start[middle - along], ghost_start[middle + along + 1]):
-                    g = ghost_order[slot]
-                    x_ig = x_i - ghost_position[g]
-                    square = wp.dot(x_ig, x_ig)
-                    if square > 0.0 and square < square_radius:
-                        if n < parameters.list_capacity - 1:
-                            set_entry(list_out, i, n, particle_count + g)
-                            n += 1
-                        else:
-                            too_long_out[0] = 1
-        count_inout[i] = n
+        longer = list_out.long_row[i]
+        last = last_entry(parameters, list_out, longer)
+        if longer >= 0 or again == 0:
+            n = count_inout[i]
+            inner_count_out[i] = n
+            for b in range(-grid.reach[1], grid.reach[1] + 1):
+                for a in range(-grid.reach[2], grid.reach[2] + 1):
+                    middle = cell_i + a * layer_cells + b * row_cells
+                    for slot in range(ghost_start[middle - along], ghost_start[middle + along + 1]):
+                        g = ghost_order[slot]
+                        x_ig = x_i - ghost_position[g]
+                        square = wp.dot(x_ig, x_ig)
+                        if square > 0.0 and square < square_radius:
+                            if n < last:
+                                set_entry(list_out, longer, i, n, particle_count + g)
+                                n += 1
+                            else:
+                                too_long_out[0] = 1
+            count_inout[i] = n
 
     return list_ghosts
 

@@ -87,28 +87,68 @@ def load_vectors_in_plane(position_volume: wp.array[wp.vec4], velocity_pressure:
     return xV[0], 0.0, xV[2], xV[3], up[0], 0.0, up[2], up[3]
 
 
-# Lists may have more entries than an int counts: an entry is found by its place in the memory behind a 64-bit product.
-# (Warp's own index of two dimensions hides from LLVM that the entries of a row lie side by side: half the speed.)
-@wp.func_native("return neighbour_list.data[(long long)neighbour_list.shape[1] * i + k];")
-def entry_of_row(neighbour_list: wp.array2d[int], i: int, k: int) -> int:
-    """Neighbour k of particle i where lists lie row by row, shape [particle_count, capacity]."""
+@wp.struct
+class Rows:
+    """Lists of neighbours: rows of one length, and longer ones for the few particles that have more.
+
+    Lists may have more entries than an int counts, and so a table of two dimensions, of which an entry is found by its
+    place in the memory behind a 64-bit product. (Warp's own index of two dimensions hides from LLVM that the entries of
+    a row lie side by side: half the speed.)
+    """
+
+    long_row: wp.array[int]  # row of the longer ones that particle i has, -1: none
+    long_capacity: int  # how many entries each of these has room for
+    short_rows: wp.array2d[int]  # shape [particle_count, capacity], by column [capacity, particle_count]
+    long_rows: wp.array2d[int]  # shape [room, long_capacity], by column [long_capacity, room]
+
+
+@wp.func_native(
+    """
+    const int longer = rows.long_row.data[i];
+    const int* row = longer < 0 ? rows.short_rows.data + (long long)rows.short_rows.shape[1] * i
+                                : rows.long_rows.data + (long long)rows.long_rows.shape[1] * longer;
+    return row[k];
+"""
+)
+def entry_of_row(rows: Rows, i: int, k: int) -> int:
+    """Neighbour k of particle i where lists lie row by row."""
     ...
 
 
-@wp.func_native("return neighbour_list.data[(long long)neighbour_list.shape[1] * k + i];")
-def entry_of_column(neighbour_list: wp.array2d[int], i: int, k: int) -> int:
-    """The same where they lie column by column, shape [capacity, particle_count]."""
+@wp.func_native(
+    """
+    const int longer = rows.long_row.data[i];
+    const int* row = longer < 0 ? rows.short_rows.data + i : rows.long_rows.data + longer;
+    const long long apart = longer < 0 ? rows.short_rows.shape[1] : rows.long_rows.shape[1];
+    return row[apart * k];
+"""
+)
+def entry_of_column(rows: Rows, i: int, k: int) -> int:
+    """The same where they lie column by column."""
     ...
 
 
-@wp.func_native("neighbour_list.data[(long long)neighbour_list.shape[1] * i + k] = j;")
-def set_entry_of_row(neighbour_list: wp.array2d[int], i: int, k: int, j: int):
-    """Make j neighbour k of particle i, row by row."""
+# The row that particle i has among the longer ones is handed over: it would be asked for anew after every store.
+@wp.func_native(
+    """
+    int* row = longer < 0 ? rows.short_rows.data + (long long)rows.short_rows.shape[1] * i
+                          : rows.long_rows.data + (long long)rows.long_rows.shape[1] * longer;
+    row[k] = j;
+"""
+)
+def set_entry_of_row(rows: Rows, longer: int, i: int, k: int, j: int):
+    """Make j neighbour k of particle i, row by row; `longer` is its long_row."""
     ...
 
 
-@wp.func_native("neighbour_list.data[(long long)neighbour_list.shape[1] * k + i] = j;")
-def set_entry_of_column(neighbour_list: wp.array2d[int], i: int, k: int, j: int):
+@wp.func_native(
+    """
+    int* row = longer < 0 ? rows.short_rows.data + i : rows.long_rows.data + longer;
+    const long long apart = longer < 0 ? rows.short_rows.shape[1] : rows.long_rows.shape[1];
+    row[apart * k] = j;
+"""
+)
+def set_entry_of_column(rows: Rows, longer: int, i: int, k: int, j: int):
     """The same column by column."""
     ...
 
@@ -132,12 +172,12 @@ class Layout:
 
     @property
     def entry(self) -> wp.Function:
-        """entry(neighbour_list, i, k): neighbour k of particle i."""
+        """entry(rows, i, k): neighbour k of particle i."""
         return entry_of_column if self.by_column else entry_of_row
 
     @property
     def set_entry(self) -> wp.Function:
-        """set_entry(neighbour_list, i, k, j) makes it j."""
+        """set_entry(rows, rows.long_row[i], i, k, j) makes it j."""
         return set_entry_of_column if self.by_column else set_entry_of_row
 
     def list_shape(self, particle_count: int, capacity: int) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 
 from .blocks import Blocks, item_of
-from .layout import Layout
+from .layout import Layout, Rows
 from .parameters import Parameters
 
 # Edge of a block of cells, in cells. Two particles in blocks that do not touch are farther apart than this.
@@ -150,6 +150,37 @@ def copy_kernel(dtype: Any) -> wp.Kernel:
     return copy
 
 
+@wp.func
+def last_entry(parameters: Parameters, rows: Rows, longer: int) -> int:
+    """How many entries a row may have, less than it has room for by one; `longer` is its long_row."""
+    return wp.where(longer < 0, parameters.list_capacity, rows.long_capacity) - 1
+
+
+@wp.kernel(enable_backward=False)
+def find_cut_rows(
+    first: int,
+    parameters: Parameters,
+    particle_count: int,
+    rows: Rows,
+    count: wp.array[int],
+    cut_out: wp.array[int],
+):
+    """1 where a row is a longer one or may have been cut short, else 0; and 0 behind them all."""
+    i = first + wp.tid()
+    cut_out[i] = 0
+    if i < particle_count:
+        longer = rows.long_row[i]
+        if longer >= 0 or count[i] >= last_entry(parameters, rows, longer):
+            cut_out[i] = 1
+
+
+@wp.kernel(enable_backward=False)
+def number_long_rows(first: int, cut: wp.array[int], long_row_out: wp.array[int]):
+    """The longer rows in order of their particles; `cut` are the sums of what `find_cut_rows` found before each."""
+    i = first + wp.tid()
+    long_row_out[i] = wp.where(cut[i + 1] > cut[i], cut[i], -1)
+
+
 @cache
 def list_kernel(layout: Layout) -> wp.Kernel:
     """A kernel that fills the lists, which lie by column or by row."""
@@ -160,14 +191,17 @@ def list_kernel(layout: Layout) -> wp.Kernel:
         first: int,
         grid: CellGrid,
         parameters: Parameters,
+        again: int,
         start: wp.array[int],
         cell: wp.array[int],
         position: wp.array[wp.vec3],
         count_out: wp.array[int],
-        list_out: wp.array2d[int],
+        list_out: Rows,
         too_long_out: wp.array[int],
     ):
         """All particles closer than the list radius; `too_long_out[0]` is set where a row may have been cut short.
+
+        The second time, if there is one, `again` is 1, and only the longer rows are filled.
 
         Every candidate is written, and the next one over it unless it was a neighbour: off the lattice a jump is
         mispredicted every other time, which costs more than a store. So a row has one place more than it may fill, and
@@ -178,23 +212,25 @@ def list_kernel(layout: Layout) -> wp.Kernel:
         x_i, cell_i = position[i], cell[i]
         square_radius = parameters.list_radius * parameters.list_radius
         along, row_cells, layer_cells = grid.reach[0], grid.count[0], grid.count[0] * grid.count[1]
-        last = parameters.list_capacity - 1
-        k = int(0)
-        for b in range(-grid.reach[1], grid.reach[1] + 1):
-            for a in range(-grid.reach[2], grid.reach[2] + 1):
-                middle = cell_i + a * layer_cells + b * row_cells
-                j = start[middle - along]
-                end = start[middle + along + 1]
-                while j < end:
-                    x_ij = x_i - position[j]
-                    set_entry(list_out, i, k, j)
-                    square = wp.dot(x_ij, x_ij)
-                    is_near = square * (square_radius - square) > 0.0
-                    k = wp.min(k + wp.where(is_near, 1, 0), last)
-                    j += 1
-        count_out[i] = k
-        if k == last:
-            too_long_out[0] = 1
+        longer = list_out.long_row[i]
+        last = last_entry(parameters, list_out, longer)
+        if longer >= 0 or again == 0:
+            k = int(0)
+            for b in range(-grid.reach[1], grid.reach[1] + 1):
+                for a in range(-grid.reach[2], grid.reach[2] + 1):
+                    middle = cell_i + a * layer_cells + b * row_cells
+                    j = start[middle - along]
+                    end = start[middle + along + 1]
+                    while j < end:
+                        x_ij = x_i - position[j]
+                        set_entry(list_out, longer, i, k, j)
+                        square = wp.dot(x_ij, x_ij)
+                        is_near = square * (square_radius - square) > 0.0
+                        k = wp.min(k + wp.where(is_near, 1, 0), last)
+                        j += 1
+            count_out[i] = k
+            if k == last:
+                too_long_out[0] = 1
 
     return list_neighbours
 

@@ -9,7 +9,7 @@ import warp as wp
 from .artificial_viscosity import ARTIFICIAL_VISCOSITY
 from .corrections import renormalisation_of_a_body
 from .density import BY_GRADIENT, DENSITY_DIFFUSION
-from .layout import CPU_LAYOUT, Layout, compiler_options
+from .layout import CPU_LAYOUT, Layout, Rows, compiler_options
 from .momentum import TENSILE
 from .neighbours import CellGrid, cell_number, row_offset
 from .parameters import Parameters
@@ -148,7 +148,7 @@ def rates_kernel(
         fluid: wp.array[int],
         pressure_gradient: wp.array[wp.vec3],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         cell_start: wp.array[int],
         listed_position: wp.array[wp.vec3],
         pressure_acceleration_out: wp.array[wp.vec3],

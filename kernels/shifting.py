@@ -30,7 +30,7 @@ from .corrections import (
     moments_matrix,
     renormalisation,
 )
-from .layout import CPU_LAYOUT, Layout, compiler_options
+from .layout import CPU_LAYOUT, Layout, Rows, compiler_options
 from .parameters import Parameters
 from .rates import Formulas
 from .smoothing import SMOOTHING
@@ -69,7 +69,7 @@ def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
         position_volume: wp.array[packed],
         velocity_pressure: wp.array[packed],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         cover_out: wp.array[float],
     ):
         """The least eigenvalue of M: 1 where there are neighbours on all sides, less near a surface."""
@@ -107,7 +107,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
         velocity_pressure: wp.array[packed],
         fluid: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         cover: wp.array[float],
         xsph_velocity_inout: wp.array[wp.vec3],
     ):

@@ -20,7 +20,7 @@ from .corrections import (
     renormalisation,
 )
 from .images import Images, velocity_beyond
-from .layout import CPU_LAYOUT, Layout, compiler_options, high, low
+from .layout import CPU_LAYOUT, Layout, Rows, compiler_options, high, low
 from .parameters import Parameters
 from .rheology import deviator, isotropic, magnitude
 from .smoothing import SMOOTHING
@@ -56,7 +56,7 @@ def velocity_gradient_kernel(
         place: wp.array[wp.vec4],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         velocity_gradient_out: wp.array[wp.mat33],
@@ -135,7 +135,7 @@ def yielding_kernel(
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         viscosity: wp.array[float],
@@ -309,7 +309,7 @@ def stress_acceleration_kernel(
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         stress: wp.array[packed],

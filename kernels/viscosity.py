@@ -17,7 +17,7 @@ import warp as wp
 
 from .balance import BALANCE, SURFACE_MOMENT, balance_factor, share_inside
 from .images import Images, velocity_beyond
-from .layout import CPU_LAYOUT, Layout, compiler_options
+from .layout import CPU_LAYOUT, Layout, Rows, compiler_options
 from .parameters import Parameters
 from .rheology import Rheology
 from .smoothing import SMOOTHING
@@ -100,7 +100,7 @@ def viscous_acceleration_kernel(
         fluid: wp.array[int],
         inner_count: wp.array[int],
         neighbour_count: wp.array[int],
-        neighbour_list: wp.array2d[int],
+        neighbour_list: Rows,
         ghost_source: wp.array[int],
         ghost_image: wp.array[int],
         balance: wp.array[float],

@@ -17,6 +17,11 @@ runs out of time takes nothing along:
     tests       those that take a device
     largest     as many particles as fit
 
+A machine without a network needs what pyproject.toml asks for, carried along as wheels that are laid out here:
+
+    python -m pip install --target site '.[test]'              here; then there, where the driver is all that is needed
+    PYTHONPATH=site python tools/gpu_check.py --json gpu.json
+
 Exit code: 0 when all sections that were reached are as they should be, 1 when one is not.
 """
 
@@ -52,11 +57,25 @@ from warpsph.scene.scene import load_scene  # noqa: E402
 from warpsph.simulation import Simulation  # noqa: E402
 
 SCENES = ROOT / "scenes"
-AGREEING: dict[str, tuple[str, ...]] = dict.fromkeys(
-    ("landslide", "still_water_3d", "floating_box_3d", "couette", "column_3d"), ()
-)
+# Walls that push and dummy particles, in the plane and in space, images, bodies and a paddle made of either.
+AGREEING: dict[str, tuple[str, ...]] = {
+    "landslide": (),
+    "dam_break": (),
+    "still_water_3d": (),
+    "floating_box_3d": (),
+    "couette": (),
+    "column_3d": (),
+    "wave_maker": (),
+}
 AGREEMENT_STEPS = 200
-SMALL_SCENES = ("landslide", "block_maciel", "floating_box_3d", "couette", "herschel_bulkley")
+SMALL_SCENES = ("landslide", "wave_maker", "block_maciel", "floating_box_3d", "couette", "herschel_bulkley")
+# What a case of `rates` is other than the benchmark's: it has walls that push, the default is dummy particles.
+VARIANTS = {
+    "lists": ["neighbours=lists"],
+    "cells": ["neighbours=cells"],
+    "auto": [],
+    "dummies": ["wall_model={force: dummy_particles}", "smoothing.ratio=1.4"],
+}
 # Differences that rounding the start makes are this many times smaller than what is allowed between two devices: these
 # round at every step, not only once.
 MORE_ROUNDING = 100.0
@@ -72,10 +91,11 @@ class Sizes:
     steps: int
     largest: tuple[int, ...]
     until: float  # end time of the landslide [s]; inf: its own
+    patience: float  # how many times as long anything may take
 
 
-FULL = Sizes((1_000_000, 4_000_000), (1_000_000, 4_000_000, 16_000_000), 100, (30_000_000,), math.inf)
-SMALL = Sizes((10_000,), (8_000,), 10, (20_000,), 0.01)
+FULL = Sizes((1_000_000, 4_000_000), (1_000_000, 4_000_000, 16_000_000), 100, (30_000_000,), math.inf, 1.0)
+SMALL = Sizes((10_000,), (8_000,), 10, (20_000,), 0.01, 8.0)
 
 
 def show(text: str) -> None:
@@ -178,23 +198,24 @@ def landslide(device: str, sizes: Sizes) -> dict[str, Any]:
 
 
 def rates(device: str, sizes: Sizes) -> dict[str, Any]:
-    """Whole-step rates by the benchmark, sizes ascending, lists against cells at the first of each."""
+    """Whole-step rates by the benchmark, sizes ascending; lists against cells and dummies at the first of each."""
     found = []
     wanted = [("dam_break", n, "lists") for n in sizes.plane] + [("column_3d", n, "lists") for n in sizes.space[:2]]
-    wanted += [("dam_break", sizes.plane[0], "cells"), ("column_3d", sizes.space[0], "cells")]
+    for variant in ("dummies", "cells"):
+        wanted += [("dam_break", sizes.plane[0], variant), ("column_3d", sizes.space[0], variant)]
     wanted += [("column_3d", n, "lists") for n in sizes.space[2:]]
-    for case, particles, neighbours in wanted:
-        result = in_process(f"rate:{case}:{particles}:{neighbours}", device, sizes, 150.0)
-        found.append({"case": case, "particles": particles, "neighbours": neighbours} | result)
+    for case, particles, variant in wanted:
+        result = in_process(f"rate:{case}:{particles}:{variant}", device, sizes, 150.0)
+        found.append({"case": case, "particles": particles, "variant": variant} | result)
         if "error" in result:
-            show(f"{case} {particles} {neighbours}: {result['error'][-600:]}")
+            show(f"{case} {particles} {variant}: {result['error'][-600:]}")
     return {"cases": found, "ok": all("error" not in result for result in found)}
 
 
-def rate(case: str, particles: str, neighbours: str, device: str, sizes: Sizes) -> dict[str, Any]:
+def rate(case: str, particles: str, variant: str, device: str, sizes: Sizes) -> dict[str, Any]:
     """One entry of `rates`."""
     began = time.perf_counter()
-    chosen = cases.CASES[case](int(particles), [f"neighbours={neighbours}"])
+    chosen = cases.CASES[case](int(particles), VARIANTS[variant])
     with bandwidth.recorded_launches() as recorded:
         simulation = bench.ready(chosen.scene, device, None, None)
         set_up = time.perf_counter() - began
@@ -215,7 +236,7 @@ def rate(case: str, particles: str, neighbours: str, device: str, sizes: Sizes) 
         "lists": listed,
     }
     show(
-        f"{case} {count:,} {neighbours}: {timing.updates_per_second / 1e6:.1f} M updates/s; {sweeps} sweeps, "
+        f"{case} {count:,} {variant}: {timing.updates_per_second / 1e6:.1f} M updates/s; {sweeps} sweeps, "
         + ", ".join(f"{n / 1e6:.0f} M/s" for n in result["sweeps per second"].values())
         + f"; {timing.neighbours_listed:.1f} listed, lists every {timing.steps_per_list:.1f} steps; "
         f"{result['bytes per particle']:.0f} bytes a particle; set up in {set_up:.1f} s"
@@ -286,13 +307,13 @@ def interrupt(device: str, sizes: Sizes) -> dict[str, Any]:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         ) as process:
-            until = time.perf_counter() + 60.0
+            until = time.perf_counter() + 60.0 * sizes.patience
             while not (stopped / "energy.csv").exists() and time.perf_counter() < until:
                 time.sleep(0.1)
             time.sleep(1.0)
             process.send_signal(signal.SIGINT)
             try:
-                text, _ = process.communicate(timeout=60.0)
+                text, _ = process.communicate(timeout=60.0 * sizes.patience)
             except subprocess.TimeoutExpired:
                 process.kill()
                 text, _ = process.communicate()
@@ -302,10 +323,10 @@ def interrupt(device: str, sizes: Sizes) -> dict[str, Any]:
         # A cube of 0.5 m: more particles than any memory holds, asked for on purpose.
         large = ["scene", str(SCENES / "column_3d.yaml"), "--set", "spacing=0.0003", "--device", device]
         try:
-            done = warpsph(*large, "--out", str(Path(folder) / "large"), timeout=90.0)
+            done = warpsph(*large, "--out", str(Path(folder) / "large"), timeout=90.0 * sizes.patience)
             text, code = done.stderr + done.stdout, done.returncode
         except subprocess.TimeoutExpired:
-            text, code = "did not end within 90 s", -1
+            text, code = "did not end", -1
         found["memory"] = {"exit": code, "text": text[-500:]}
         ok &= "Traceback" not in text and code in (2, 4)
         show(f"too large: exit {code}, {text.strip().splitlines()[-1] if text.strip() else ''}")
@@ -365,9 +386,9 @@ def in_process(name: str, device: str, sizes: Sizes, limit: float) -> dict[str, 
         command = [sys.executable, __file__, "--device", device, "--part", name, "--json", str(answer)]
         command += ["--small"] if sizes is SMALL else []
         try:
-            done = subprocess.run(command, cwd=ROOT, timeout=limit, stderr=subprocess.PIPE, text=True)
+            done = subprocess.run(command, cwd=ROOT, timeout=sizes.patience * limit, stderr=subprocess.PIPE, text=True)
         except subprocess.TimeoutExpired:
-            return {"error": f"did not end within {limit:.0f} s", "ok": False}
+            return {"error": f"did not end within {sizes.patience * limit:.0f} s", "ok": False}
         if not answer.exists():
             return {"error": done.stderr[-3000:] or f"exit code {done.returncode}", "ok": False}
         return json.loads(answer.read_text(encoding="utf-8"))
@@ -406,7 +427,7 @@ def main() -> int:
             continue
         print(f"{name}:", flush=True)
         start = time.perf_counter()
-        found[name] = in_process(name, options.device, sizes, min(left, SECTIONS[name][1]))
+        found[name] = in_process(name, options.device, sizes, min(left / sizes.patience, SECTIONS[name][1]))
         if "error" in found[name]:
             show(found[name]["error"][-1500:])
         print(f"    [{'ok' if found[name]['ok'] else 'NOT OK'}, {time.perf_counter() - start:.1f} s]", flush=True)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 SCALARS = {"int", "float", "bool"}
+LISTS = {"Rows"}  # structs that hold no numbers but lists
 OUTPUTS = ("_out", "_inout")
 FLOAT_ATOMICS = {"wp.atomic_add", "wp.atomic_sub", "wp.atomic_min", "wp.atomic_max"}
 BANNED_CALLS = {
@@ -190,7 +191,7 @@ def argument_group(parameter: ast.arg) -> str:
         return "output"
     if text == "wp.uint64":
         return "grid"
-    if text and text not in SCALARS and not text.startswith("wp."):
+    if text and text not in SCALARS | LISTS and not text.startswith("wp."):
         return "struct"
     return "input"
 

@@ -185,7 +185,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced + 16.0 * has_dummies(scene)
         a_particle += 52.0 * (law.stages > 1) + 16.0 * (scene.dimensions**2 // 3 if law.form == "stress" else 0)
     if scene.neighbours != "cells":
-        a_particle += 4.0 + 4.0 * list_capacity(scene)[0]
+        a_particle += 8.0 + 4.0 * list_capacity(scene)[0]
     if scene.images:
         a_particle += 8.0
     if scene.bodies:

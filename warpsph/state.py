@@ -168,15 +168,15 @@ class State:
         ]
 
         # How far the particles of each block of cells have moved since they were listed: bounds [m], and as a share of
-        # what the lists allow.
+        # what the lists allow; of blocks of these and so on, on a GPU; one entry more, for bodies.
         self.cell_block_count = math.prod(model.grid.blocks)
         self.motion_lower = zeros(wp.vec3, self.cell_block_count)
         self.motion_upper = zeros(wp.vec3, self.cell_block_count)
-        self.strain = zeros(float, self.cell_block_count)
-        stages = stages_of(self.cell_block_count, device) or [blocks_of(self.cell_block_count, device)]
+        self.strain = zeros(float, self.cell_block_count + 1)
+        stages = stages_of(self.cell_block_count, device)
         self.strain_stages = [(blocks, zeros(float, number + 1)) for blocks, number in stages]
-        self.strain_block_count = stages[-1][1]
-        self.block_strain = self.strain_stages[-1][1]  # one entry more, for bodies
+        self.block_strain = self.strain_stages[-1][1] if stages else self.strain
+        self.strain_block_count = len(self.block_strain) - 1
 
         # The clock, one entry each, side by side so that the host reads all of it at once.
         self._clock = zeros(wp.uint8, CLOCK.itemsize)

@@ -15,7 +15,7 @@ from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints
 from warpsph.device.launch import Launcher
 from warpsph.kernels.blocks import Blocks
 from warpsph.kernels.density import pressure_gradient_kernel
-from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT, Layout
+from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT, Layout, Rows
 from warpsph.kernels.neighbours import CellGrid
 from warpsph.kernels.parameters import Parameters
 from warpsph.kernels.rates import Formulas, rates_kernel
@@ -70,12 +70,12 @@ class Cloud:
         self.parameters = self._parameters(spacing, by_column, numbers)
 
         # Every other particle is on the list: what lies beyond the support must add nothing.
-        others = np.broadcast_to(np.arange(n), (n, n))[~np.eye(n, dtype=bool)].reshape(n, n - 1)
+        self.others = np.broadcast_to(np.arange(n), (n, n))[~np.eye(n, dtype=bool)].reshape(n, n - 1)
         self.position_volume = self.array(np.column_stack([self.x, self.V]), wp.vec4)
         self.velocity_pressure = self.array(np.column_stack([self.u, self.p]), wp.vec4)
         self.fluids = self.array(self.fluid, int)
         self.neighbour_count = self.array(np.full(n, n - 1), int)
-        self.neighbour_list = self.array(np.ascontiguousarray(others.T if by_column else others), int)
+        self.neighbour_list = self.rows(self.others)
 
     def _parameters(self, spacing: float, by_column: bool, numbers: dict) -> Parameters:
         n, kernel = len(self.x), SMOOTHING[self.smoothing]
@@ -101,6 +101,17 @@ class Cloud:
         for name, value in (fields | numbers).items():
             setattr(p, name, self.array(value, float) if isinstance(value, list | np.ndarray) else value)
         return p
+
+    def rows(self, entries: np.ndarray) -> Rows:
+        """Lists of neighbours, shape [n, length]; every third particle has its own among the longer ones."""
+        rows, n = Rows(), len(entries)
+        is_long = np.arange(n) % 3 == 1
+        short = np.where(is_long[:, None], 0, entries)
+        for name, table in (("short_rows", short), ("long_rows", entries[is_long])):
+            setattr(rows, name, self.array(np.ascontiguousarray(table.T if self.by_column else table), int))
+        rows.long_row = self.array(np.where(is_long, np.cumsum(is_long) - 1, -1), int)
+        rows.long_capacity = entries.shape[1]
+        return rows
 
     def array(self, values: np.ndarray, dtype: type) -> wp.array:
         """`values` on the device of the cloud."""

@@ -75,7 +75,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     list_ghosts_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     list_dummies_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
-    press_dummies_kernel: list(product(SMOOTHING, (2, 3))),
+    press_dummies_kernel: [(name, dimensions, CUDA_LAYOUT) for name in SMOOTHING for dimensions in (2, 3)],
     carry_velocity_kernel: [(name,) for name in SMOOTHING],
     load_dummies_kernel: list(product(SMOOTHING, ARTIFICIAL_VISCOSITY)),
     pack_kernel: [(name,) for name in SMOOTHING],
@@ -193,44 +193,47 @@ NEIGHBOUR_LOADS = 2
 MOST_REGISTERS = 64
 
 
-def pair_loops() -> list[tuple[Formulas, bool]]:
-    """The halves of the dam break, in a plane and in space, with diffusion and the tensile correction."""
-    formulas = [
-        Formulas(diffusion="fourtakas", tensile_correction="bounded", fluid_count=1, dimensions=n) for n in (2, 3)
-    ]
-    return list(product(formulas, (True, False)))
+# The halves of the dam break between dummy particles, and what gives these their pressure.
+PAIR_LOOPS = list(product(("forces", "continuity", "dummies"), (2, 3)))
 
 
 @pytest.fixture(scope="module")
-def pair_loop_ptx(tmp_path_factory) -> Callable[[Formulas, bool], str]:
+def pair_loop_ptx(tmp_path_factory) -> Callable[[str, int], str]:
     """A function that gives the PTX of one pair loop alone."""
 
     @cache
-    def ptx(formulas: Formulas, momentum: bool) -> str:
-        kernel = rates_kernel(formulas, CUDA_LAYOUT, momentum, not momentum)
+    def ptx(what: str, dimensions: int) -> str:
+        formulas = Formulas(
+            diffusion="fourtakas", tensile_correction="bounded", fluid_count=1, dimensions=dimensions, walled=True
+        )
+        if what == "dummies":
+            kernel = press_dummies_kernel(formulas.smoothing, dimensions, CUDA_LAYOUT)
+        else:
+            kernel = rates_kernel(formulas, CUDA_LAYOUT, what == "forces", what == "continuity")
         return compiled(kernel.module, tmp_path_factory.mktemp("pair_loop"))[90].rstrip("\0")
 
     return ptx
 
 
-@pytest.mark.parametrize(("formulas", "momentum"), pair_loops())
-def test_a_neighbour_is_two_loads_of_16_bytes(pair_loop_ptx, formulas, momentum):
+@pytest.mark.parametrize(("what", "dimensions"), PAIR_LOOPS)
+def test_a_neighbour_is_two_loads_of_16_bytes(pair_loop_ptx, what, dimensions):
     """Once for the particle itself, and once or, where the loop is unrolled, several times for a neighbour."""
-    lines = pair_loop_ptx(formulas, momentum).splitlines()
+    lines = pair_loop_ptx(what, dimensions).splitlines()
     vectors = sum("ld.global.nc.v4.f32" in line for line in lines)
-    assert vectors >= 2 * NEIGHBOUR_LOADS and vectors % NEIGHBOUR_LOADS == 0
-    # Numbers of the fluid, before the loop.
-    assert sum("ld.global.f32" in line for line in lines) <= 8
+    itself = 0 if what == "dummies" else 1
+    assert vectors >= (itself + 1) * NEIGHBOUR_LOADS and vectors % NEIGHBOUR_LOADS == 0
+    # Numbers of the fluid and of its walls, before the loop; of a dummy, and of each neighbour's fluid.
+    assert sum("ld.global.f32" in line for line in lines) <= (24 if what == "dummies" else 9)
 
 
 @pytest.mark.skipif(shutil.which("ptxas") is None, reason="there is no ptxas on the path")
-@pytest.mark.parametrize(("formulas", "momentum"), pair_loops())
-def test_registers_leave_room_for_half_of_the_threads(tmp_path, pair_loop_ptx, formulas, momentum):
+@pytest.mark.parametrize(("what", "dimensions"), PAIR_LOOPS)
+def test_registers_leave_room_for_half_of_the_threads(tmp_path, pair_loop_ptx, what, dimensions):
     path = tmp_path / "pair_loop.ptx"
     # An older ptxas knows all that is in it, but not its version: CUDA 13.0 has PTX 9.0.
     release = subprocess.run(["ptxas", "--version"], capture_output=True, text=True, check=True).stdout
     major, minor = map(int, re.search(r"release (\d+)\.(\d+)", release).groups())
-    ptx = pair_loop_ptx(formulas, momentum)
+    ptx = pair_loop_ptx(what, dimensions)
     path.write_text(re.sub(r"\.version \d+\.\d+", f".version {major - 4}.{minor}", ptx))
     command = ["ptxas", "-arch=sm_90", "-v", str(path), "-o", str(tmp_path / "cubin")]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stderr

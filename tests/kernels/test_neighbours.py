@@ -13,7 +13,7 @@ from warpsph.model import SKIN, Model
 from warpsph.placement.place import place
 from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.state import State
-from warpsph.step.neighbours import Neighbours
+from warpsph.step.neighbours import MOST_LONG, Neighbours
 
 # A pair whose distance is within this of the list's radius, relatively, may be on the list or not: rounding decides.
 TOLERANCE = 1e-6
@@ -64,8 +64,8 @@ class Listed:
 
     def pairs(self) -> np.ndarray:
         """Whether j is on the list of i, by identity, bool [n, n]; no entry twice."""
-        p, count, entries = self.model.parameters, self.neighbours.neighbour_count.numpy(), self.neighbours.rows()
-        assert count.max() <= p.list_capacity
+        count, entries = self.neighbours.neighbour_count.numpy(), self.neighbours.rows()
+        assert count.max() < entries.shape[1]
         found = np.zeros((len(self.x), len(self.x)), dtype=int)
         for i, id_i in enumerate(self.id):
             row = entries[i, : count[i]]
@@ -170,6 +170,27 @@ def test_rows_grow(listed):
     assert_lists(made.pairs(), x, x)
 
 
+@pytest.mark.parametrize(("crowd", "longer"), [(5, 2), (30, 4)], ids=["once", "twice"])
+def test_rows_grow_for_the_few_that_are_too_short(listed, crowd, longer):
+    """A few particles crowd together: their rows alone are longer, again where that was not enough."""
+    side = 0.15 * np.arange(28.0)  # 12 neighbours
+    x, z = (line.ravel() for line in np.meshgrid(side, side))
+    crowded = np.linspace(2.01, 2.03, crowd)
+    x, z = np.append(x, crowded), np.append(z, 0.7 * crowded)
+    x = np.column_stack([x, np.zeros(len(x)), z])
+    made = listed(x, capacity=14)
+    rows = made.neighbours.neighbour_list
+    assert made.grew and made.model.parameters.list_capacity == 14
+    assert 0 < (rows.long_row.numpy() >= 0).sum() <= len(x) // MOST_LONG
+    assert rows.long_capacity == longer * 14
+    assert_lists(made.pairs(), x, x)
+    assert not made.neighbours.rebuild(), "what has grown is kept"
+    assert_lists(made.pairs(), x, x)
+    made.state.position.assign(np.linspace(0.0, 100.0, len(x))[:, None] * [1.0, 0.0, 0.0])
+    assert not made.neighbours.rebuild()
+    assert (rows.long_row.numpy() < 0).all(), "nobody needs a longer one now"
+
+
 def test_particles_move_slots_whole(listed):
     """Ids are a permutation, and what belongs to a particle goes with its id."""
     x = cloud(500, (-3.0, -3.0), (3.0, 3.0))
@@ -195,10 +216,10 @@ def test_slots_of_a_cell_lie_together(listed):
 
 def test_sorting_what_is_sorted_changes_nothing(listed):
     made = listed(cloud(500, (-3.0, -3.0), (3.0, 3.0)))
-    before, entries = made.id.copy(), made.neighbours.neighbour_list.numpy().copy()
+    before, entries = made.id.copy(), made.neighbours.rows().copy()
     made.neighbours.rebuild()
     np.testing.assert_array_equal(made.id, before)
-    np.testing.assert_array_equal(made.neighbours.neighbour_list.numpy(), entries)
+    np.testing.assert_array_equal(made.neighbours.rows(), entries)
 
 
 # ------------------------------------------------------------------------------------------------ life of the lists

@@ -74,11 +74,8 @@ class Beyond:
         everything = np.concatenate([np.column_stack([cloud.x, cloud.V]), np.column_stack([self.x, V])])
         self.position_volume = array(everything, wp.vec4)
         # Every other particle, then every ghost is on the list of each particle.
-        inner = cloud.neighbour_list.numpy()
-        rows = np.concatenate(
-            [inner.T if cloud.by_column else inner, np.broadcast_to(n + np.arange(len(ghosts)), (n, len(ghosts)))], 1
-        )
-        self.list = array(np.ascontiguousarray(rows.T if cloud.by_column else rows), int)
+        rows = np.concatenate([cloud.others, np.broadcast_to(n + np.arange(len(ghosts)), (n, len(ghosts)))], 1)
+        self.list = cloud.rows(rows)
         self.inner_count, self.count = array(np.full(n, n - 1), int), array(np.full(n, rows.shape[1]), int)
 
     def lists(self) -> list[wp.array]:

@@ -210,7 +210,8 @@ def test_arrays_that_grow_on_the_way(make_scene, device, bits, monkeypatch):
             simulation.advance(time)
             levels += simulation.gauges.levels()
             rooms.append(len(simulation.step.neighbours.ghosts.source))
-            rows.append(simulation.model.parameters.list_capacity)
+            lists = simulation.step.neighbours.neighbour_list
+            rows.append(lists.short_rows.size + lists.long_rows.size)
         grows = room == 64
         assert (rooms[0] < rooms[1] < rooms[2], rows[0] < rows[2]) == (grows, grows)
         runs.append((levels, bits(simulation)))

@@ -8,6 +8,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from warpsph.output.records import read_record
+from warpsph.output.surface import SURFACE_SCOPE, make_surface
 from warpsph.placement.origin import PLACES, find_origin, localised
 from warpsph.placement.place import place
 from warpsph.run import Run
@@ -113,6 +114,103 @@ def space(x: int, y: int, z: int) -> Scene:
         ],
         "gauges": [{"name": "middle", "x": x + 0.4, "y": y + 0.2}],
         "run": {"end_time": 0.02},
+    }
+    return Scene.model_validate(_typed(data))
+
+
+def flume(x: int, z: int) -> Scene:
+    """A flume with a wave maker, a damping zone and an instrument of each kind, moved by `x` and `z` [m]."""
+    data = {
+        "title": "a flume",
+        "spacing": 0.05,
+        "materials": {"water": {"density": 1000.0, "sound_speed": 20.0}},
+        "walls": [
+            {"name": "bed", "path": [[x - 0.4, z + 0.6], [x - 0.4, z], [x + 1.6, z], [x + 2.0, z + 0.4]]},
+        ],
+        "fluids": [
+            {
+                "name": "water",
+                "material": "water",
+                "fill": {"level": z + 0.3, "above": "bed", "between": [x + 0.0, x + 1.9]},
+            }
+        ],
+        "wave_maker": {
+            "paddle": "flap",
+            "waves": "regular",
+            "x": x + 0.0,
+            "bed": z + 0.0,
+            "top": z + 0.55,
+            "hinge": z + 0.05,
+            "depth": 0.3,
+            "height": 0.04,
+            "period": 1.2,
+        },
+        "damping_zones": [{"name": "sponge", "end": x + 1.8, "wavelengths": 0.4}],
+        "gauges": [{"name": "near", "x": x + 0.9}],
+        "probes": [
+            {"name": "still", "at": [x + 0.6, z + 0.1]},
+            {"name": "riding", "at": [x + 0.0, z + 0.2], "body": "paddle"},
+        ],
+        "forces": [
+            {
+                "name": "beach",
+                "wall": "bed",
+                "part": {"min": [x + 1.5, z - 0.1], "max": [x + 2.1, z + 0.5]},
+                "about": [x + 1.6, z + 0.0],
+            }
+        ],
+        "run_up": [{"name": "highest", "wall": "bed", "part": {"min": [x + 1.3, z - 0.1], "max": [x + 2.1, z + 0.5]}}],
+        "overtopping": [{"name": "through", "start": [x + 0.8, z + 0.0], "end": [x + 0.8, z + 0.5]}],
+        "run": {"end_time": 0.04},
+        "output": {"pictures": False, "usd": False, "samples_per_second": 100},
+    }
+    return Scene.model_validate(_typed(data))
+
+
+def tank(x: int, y: int, z: int) -> Scene:
+    """A tank in space with a piston and an instrument of each kind, moved by `x`, `y` and `z` [m]."""
+    data = {
+        "title": "a tank",
+        "dimensions": 3,
+        "spacing": 0.1,
+        "materials": {"water": {"density": 1000.0, "sound_speed": 20.0}},
+        "walls": [
+            {
+                "name": "tank",
+                "box": {"min": [x - 0.4, y + 0.0, z + 0.0], "max": [x + 1.2, y + 0.4, z + 0.6], "open": ["top"]},
+            }
+        ],
+        "fluids": [
+            {
+                "name": "water",
+                "material": "water",
+                "shape": {"box": {"min": [x + 0.0, y + 0.0, z + 0.0], "max": [x + 1.2, y + 0.4, z + 0.3]}},
+            }
+        ],
+        "wave_maker": {
+            "waves": "regular",
+            "x": x + 0.0,
+            "bed": z + 0.0,
+            "width": [y + 0.0, y + 0.4],
+            "thickness": 0.2,
+            "depth": 0.3,
+            "height": 0.04,
+            "period": 1.2,
+        },
+        "damping_zones": [{"name": "sponge", "end": x + 1.2, "wavelengths": 0.2}],
+        "gauges": [{"name": "near", "x": x + 0.6, "y": y + 0.2}],
+        "probes": [{"name": "still", "at": [x + 0.6, y + 0.2, z + 0.1]}],
+        "forces": [
+            {
+                "name": "end",
+                "wall": "tank",
+                "part": {"min": [x + 1.1, y - 0.1, z - 0.1], "max": [x + 1.3, y + 0.5, z + 0.7]},
+                "about": [x + 1.2, y + 0.2, z + 0.0],
+            }
+        ],
+        "overtopping": [{"name": "through", "start": [x + 0.6, y + 0.0, z + 0.0], "end": [x + 0.6, y + 0.4, z + 0.6]}],
+        "run": {"end_time": 0.02},
+        "output": {"pictures": False, "usd": False, "samples_per_second": 100},
     }
     return Scene.model_validate(_typed(data))
 
@@ -223,6 +321,50 @@ def test_outputs_are_on_the_map(tmp_path, device):
     axes = runs["there"]._outputs._writers[0]._drawer._figure.axes[0]
     assert axes.get_xlim() == pytest.approx((EAST - 0.4, EAST + 1.1), abs=1e-9)
     assert axes.get_ylim() == pytest.approx((UP - 0.1, UP + 0.5), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("here", "there"),
+    [(flume(0, 0), flume(EAST, UP)), (tank(0, 0, 0), tank(EAST, NORTH, UP))],
+    ids=["flume", "tank"],
+)
+def test_waves_and_instruments_are_on_the_map(tmp_path, device, here, there):
+    """A paddle, a damping zone, probes, forces, run-up, what passes a line: each with the numbers that it has at
+    zero, places with the map's added."""
+    by = find_origin(there)
+    shift = {f"{axis} [m]": by[axis] for axis in "xyz"} | {"level [m]": by["z"], "front [m]": by["x"]}
+    runs = [Run(scene, tmp_path / name, device=device) for name, scene in (("here", here), ("there", there))]
+    for run in runs:
+        run.execute()
+    names = {str(path.relative_to(tmp_path / "here")) for path in (tmp_path / "here").rglob("*.csv")}
+    assert {name.split("/")[0] for name in names} >= {"gauges", "probes", "forces", "overtopping", "bodies"}
+    for name in names:
+        expected, found = (read_record(tmp_path / folder / name) for folder in ("here", "there"))
+        for column, values in expected.items():
+            away = shift.get(column, 0.0)
+            np.testing.assert_allclose(
+                found[column] - away, values, rtol=0, atol=1e-6 if away else 0.0, err_msg=f"{name}: {column}"
+            )
+    kept = [{name: array.numpy() for name, array in run.simulation.kept().items()} for run in runs]
+    for name, values in kept[0].items():
+        np.testing.assert_array_equal(kept[1][name], values, err_msg=name)
+
+
+def test_a_surface_is_on_the_map(tmp_path, device):
+    """The bits of its points are those at zero, in the world that stands on the map."""
+    pytest.importorskip("pysplashsurf")
+    found = []
+    for name, scene in {"here": plane(0, 0), "there": plane(EAST, UP)}.items():
+        output = scene.output.model_copy(update={"pictures": False, "frames_per_second": 50.0})
+        Run(scene.model_copy(update={"output": output}), tmp_path / name, device=device).execute()
+        made = list(make_surface(tmp_path / name / "usd"))
+        assert made and all(one.is_closed for one in made)
+        stage = Usd.Stage.Open(str(tmp_path / name / "usd" / "surface.usda"))
+        prim = UsdGeom.Mesh(stage.GetPrimAtPath(f"{SURFACE_SCOPE}/water"))
+        found.append(np.array(prim.GetPointsAttr().Get(1)))
+    np.testing.assert_array_equal(found[1], found[0])
+    away = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(1).ExtractTranslation()
+    assert away == Gf.Vec3d(EAST, 0.0, UP)
 
 
 def test_a_run_on_a_map_goes_on(tmp_path, device):

@@ -68,7 +68,7 @@ def step_bytes(simulation: Simulation, recorded: Recorded) -> float:
     """Bytes that a step must move at least, from the launches recorded while `simulation` was made."""
     neighbours = simulation.step.neighbours
     used = {
-        neighbours.neighbour_list.ptr: 4.0 * float(neighbours.neighbour_count.numpy().sum()),
+        neighbours.neighbour_list.short_rows.ptr: 4.0 * float(neighbours.neighbour_count.numpy().sum()),
         neighbours.wall_list.ptr: 4.0 * float(neighbours.wall_first.numpy()[-1]),
     }
     stages = {id(stage) for stage in simulation.step.stages.values()}

@@ -137,7 +137,7 @@ class BodySet:
         find = self.launcher.record_in_order(
             contact_kernels.find_contacts,
             self.count * leg_count,
-            [self.contact, leg_count, *place, self.inverse_mass, self._chosen],
+            [self.contact, leg_count, *place, self.inverse_mass, self._chosen, self._touched],
         )
         gather = self.launcher.record_in_order(
             contact_solver.gather_contacts,
@@ -148,6 +148,7 @@ class BodySet:
                 *(self._last_count, self._last_key, self._impulse),
                 *(self.contact_count, self._key, self._other, self._place, self._normal),
                 *(self.contact_gap, self._target, self._friction, self._inverse_compliance, self._start_impulse),
+                self._touched,
             ],
         )
         # Views of one row: one thread solves all.
@@ -311,6 +312,7 @@ class BodySet:
 
         shape = self.count, contact.capacity
         self._chosen = self._zeros(int, max(self.count * len(legs), 1), contact.slots)
+        self._touched = self._zeros(int, self.count, max(-(-len(legs) // int(contact_kernels.LEG_BLOCK)), 1))
         self.contact_count, self._last_count = self._zeros(int, self.count), self._zeros(int, self.count)
         self._key, self._last_key = self._zeros(wp.int64, *shape), self._zeros(wp.int64, *shape)
         self._other = self._zeros(int, *shape)

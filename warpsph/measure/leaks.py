@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from warpsph.device.cells import Cells, cell_grid
 from warpsph.kernels import leaks as kernels
 from warpsph.model import Model
-from warpsph.placement.drawing import wall_surface
 
 # Cells grow to twice their width from one round to the next. Of the wall points one is left, of each way that they
 # face, in each of so many parts of a cell along its edge.
@@ -55,23 +54,6 @@ def _levels(model: Model) -> Iterator[tuple]:
         grid = cell_grid(lower, upper, 2.0 * edge, model.scene.dimensions, len(points))
         edge = 2.0 / grid.inverse_edge
         radius = math.inf if max(grid.inner) <= 2 else edge
-
-
-def _drawn(model: Model) -> tuple[wp.array, wp.array, wp.array]:
-    """Points on the walls as drawn [m], their normals towards the fluid, and the starts of cells: of walls whose own
-    points are the dummy particles behind them."""
-    samples = []
-    for i, side in enumerate(model.sides):
-        points, normals, _ = wall_surface(model.scene, i).sample(0.5 * model.spacing)
-        samples.append((points, side * normals))
-    points, normals = (np.concatenate(parts) for parts in zip(*samples, strict=True))
-    position, normal = (wp.array(values, dtype=wp.vec3, device=model.launcher.device) for values in (points, normals))
-    cells = Cells(model.grid, position, model.launcher)
-    cells.sort()
-    order = cells.order.numpy()[: len(points)]
-    position.assign(points[order])
-    normal.assign(normals[order])
-    return position, normal, cells.start
 
 
 def _one_in_each(

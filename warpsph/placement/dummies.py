@@ -254,8 +254,15 @@ def _cells(low: float, high: float, dx: float, beyond: int) -> tuple[Array, Arra
 def _around_crate(wall: Crate, side: int, dx: float, count: int) -> tuple[Array, Array]:
     """Dummies of the faces of a box [n, 3], outside it where the fluid is inside, and their volumes [n]."""
     axes = [_cells(low, high, dx, count if side > 0 else 0) for low, high in zip(wall.low, wall.high, strict=True)]
-    points = np.stack(np.meshgrid(*(middles for middles, _ in axes), indexing="ij"), axis=-1).reshape(-1, 3)
-    volume = np.prod(np.stack(np.meshgrid(*(sizes for _, sizes in axes), indexing="ij"), axis=-1), axis=-1).ravel()
+    # Most cells of a large box are far from all of its faces: those are never made.
+    beyond = 0.0 if side > 0 else (count + 1.0) * dx
+    near = [
+        (middles < low + beyond) | (middles > high - beyond)
+        for (middles, _), low, high in zip(axes, wall.low, wall.high, strict=True)
+    ]
+    cells = np.nonzero(near[0][:, None, None] | near[1][:, None] | near[2])
+    points = np.stack([middles[k] for (middles, _), k in zip(axes, cells, strict=True)], axis=-1)
+    volume = np.prod(np.stack([sizes[k] for (_, sizes), k in zip(axes, cells, strict=True)], axis=-1), axis=-1)
     kept = wall.distance(points) < (count - 0.5 + SLACK) * dx
     if side > 0:
         kept = (wall.distance(points) < (count + 0.25) * dx) & ~wall.contains(points)

@@ -59,6 +59,8 @@ def localised(scene: Scene) -> Scene:
     if not any(by.values()):
         return scene
     local = _moved(scene, by)
+    if local.wave_maker:  # from its own numbers: sums of large ones would be rounded
+        local = local.model_copy(update={"bodies": (*local.bodies[:-1], local.paddle(local.wave_maker))})
     local._origin = tuple(float(by[axis]) for axis in "xyz")
     return local
 

@@ -270,7 +270,7 @@ class Scene(Part):
             data["bodies"].pop()  # the paddle, which comes of it
         return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 
-    def _paddle(self, maker: WaveMaker) -> Body:
+    def paddle(self, maker: WaveMaker) -> Body:
         """The paddle of a wave maker as a body, whose motion is found when it is placed."""
         thickness, low = maker.thickness or 6.0 * self.spacing, max(maker.bed, maker.hinge or maker.bed)
         left, right, high = maker.x - thickness, maker.x, maker.upper_edge
@@ -299,7 +299,7 @@ class Scene(Part):
     @model_validator(mode="after")
     def _holds_together(self) -> Scene:
         if self.wave_maker:
-            self.__dict__["bodies"] = (*self.bodies, self._paddle(self.wave_maker))
+            self.__dict__["bodies"] = (*self.bodies, self.paddle(self.wave_maker))
         if found := list(_contradictions(self)):
             raise faults(found)
         return self

@@ -11,6 +11,7 @@ import warp as wp
 from warpsph.device.cells import Cells
 from warpsph.device.launch import Launch, alias
 from warpsph.kernels import dummies as kernels
+from warpsph.kernels.layout import Rows
 from warpsph.kernels.neighbours import mark_walls, wall_points_kernel
 from warpsph.model import Model
 from warpsph.state import State
@@ -60,7 +61,7 @@ class Dummies:
                 kernels.mark_blocks, len(model.wall_block), [model.grid, self._cells.start, model.wall_block]
             ),
         ]
-        self._appended_to: wp.array | None = None  # the lists that `append` is bound to
+        self._appended_to: Rows | None = None  # the lists that `append` is bound to
         self._record()
 
     def _record(self) -> None:
@@ -71,11 +72,12 @@ class Dummies:
         self._count_fluid = record(wall_points_kernel(listing=False), self.count, around)
         self._list_fluid = record(wall_points_kernel(listing=True), self.count, around)
         packed = (s.position_volume, s.velocity_pressure)
+        read = packed if m.layout.by_column else [alias(array, float, 4 * len(array)) for array in packed]
         self._press = record(
-            kernels.press_dummies_kernel(m.scene.smoothing.kernel, m.scene.dimensions),
+            kernels.press_dummies_kernel(m.scene.smoothing.kernel, m.scene.dimensions, m.layout),
             self.count,
             [
-                *(m.parameters, *(alias(array, float, 4 * len(array)) for array in packed), s.fluid),
+                *(m.parameters, *read, s.fluid),
                 *(self._position, self._velocity, self._acceleration, self._room, self.first, self.list),
                 *(*(alias(array[n:], wp.vec4, self.count) for array in packed), self.power),
             ],
@@ -93,12 +95,15 @@ class Dummies:
             lists = [s.fluid_and_ghosts, self.first, self.list, points.point_force]
             self._load = record(kernel, self._moving, [m.parameters, self._at_rest, *packed, *lists])
 
-    def find(self) -> bool:
-        """List the particles around each dummy. Returns True where launches must be recorded again: the list grew."""
+    def count_around(self) -> wp.array:
+        """Count the particles around each dummy; an array whose last entry is how many that makes."""
         wp.copy(self._state.fluid_and_ghosts, self._state.fluid, count=self._model.particle_count)
         self._count_fluid()
         wp.utils.array_scan(self.first, self.first, inclusive=False)
-        total = int(self._model.launcher.read(self.first[self.count :])[0])
+        return self.first
+
+    def list_around(self, total: int) -> bool:
+        """List them, of whom there are `total`. Returns True where launches must be recorded again: the list grew."""
         grown = total > len(self.list)
         if grown:
             self.list = wp.zeros(total + total // 4, dtype=int, device=self._model.launcher.device)
@@ -114,20 +119,26 @@ class Dummies:
             for launch in self._mark:
                 launch()
 
-    def append(self, count: wp.array, neighbour_list: wp.array, too_long: wp.array) -> None:
-        """Append the dummies to the rows of the lists of particles, of which `count` entries are in use."""
+    def append(self, count: wp.array, rows: Rows, too_long: wp.array, again: bool = False) -> None:
+        """Append the dummies to the rows of the lists of particles, of which `count` entries are in use.
+
+        The second time, `again`, only to the longer ones of them.
+        """
         m, s = self._model, self._state
-        if self._appended_to is not neighbour_list:
-            self._appended_to = neighbour_list
-            self._append = m.launcher.record_in_order(
-                kernels.list_dummies_kernel(m.layout),
-                m.particle_count,
-                [
-                    *(m.grid, m.parameters, m.wall_radius, m.near_wall, self._cells.start, self._cells.order),
-                    *(self._particles.cell, s.listed_position, self._listed, count, neighbour_list, too_long),
-                ],
-            )
-        self._append()
+        if self._appended_to is not rows:
+            self._appended_to = rows
+            self._append = [
+                m.launcher.record_in_order(
+                    kernels.list_dummies_kernel(m.layout),
+                    m.particle_count,
+                    [
+                        *(m.grid, m.parameters, turn, m.wall_radius, m.near_wall, self._cells.start, self._cells.order),
+                        *(self._particles.cell, s.listed_position, self._listed, count, rows, too_long),
+                    ],
+                )
+                for turn in (0, 1)
+            ]
+        self._append[again]()
 
     def press(self) -> None:
         """Give the dummies the pressure of the fluid, where they and it are now."""

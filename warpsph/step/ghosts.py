@@ -5,6 +5,7 @@ import warp as wp
 from warpsph.device.cells import Cells
 from warpsph.device.launch import Launch, alias
 from warpsph.kernels import images as kernels
+from warpsph.kernels.layout import Rows
 from warpsph.model import Model
 from warpsph.state import State
 
@@ -46,7 +47,7 @@ class Ghosts:
         place = {"radius": model.list_radius, "position": state.listed_position, "ghost_first": self._first}
         self._make = record(kernels.make_ghosts, n, model, state, self, **place)
         self._forget = record(kernels.forget_ghosts, room, self, total=self._first, last=n)
-        self._appended_to: wp.array | None = None  # the lists that `append` is bound to
+        self._appended_to: Rows | None = None  # the lists that `append` is bound to
         behind = {
             f"ghost_{name}": alias(getattr(state, name), wp.vec4, room, 16 * n)
             for name in ("position_volume", "velocity_pressure")
@@ -77,24 +78,28 @@ class Ghosts:
         self._cells.sort()
         return grown
 
-    def append(self, neighbour_list: wp.array, too_long: wp.array) -> None:
-        """Append the ghosts to the rows of the lists, which are another array whenever rows have grown."""
+    def append(self, rows: Rows, too_long: wp.array, again: bool = False) -> None:
+        """Append the ghosts to the rows of the lists; the second time, `again`, only to the longer ones of them."""
         model = self._model
-        if self._appended_to is not neighbour_list:
-            self._appended_to = neighbour_list
-            self._append = model.launcher.record(
-                kernels.list_ghosts_kernel(model.layout),
-                model.particle_count,
-                *(model, self),
-                ghost_start=self._cells.start,
-                ghost_order=self._cells.order,
-                cell=self._particles.cell,
-                position=self._state.listed_position,
-                count=self._count,
-                list=neighbour_list,
-                too_long=too_long,
-            )
-        self._append()
+        if self._appended_to is not rows:
+            self._appended_to = rows
+            self._append = [
+                model.launcher.record(
+                    kernels.list_ghosts_kernel(model.layout),
+                    model.particle_count,
+                    *(model, self),
+                    again=turn,
+                    ghost_start=self._cells.start,
+                    ghost_order=self._cells.order,
+                    cell=self._particles.cell,
+                    position=self._state.listed_position,
+                    count=self._count,
+                    list=rows,
+                    too_long=too_long,
+                )
+                for turn in (0, 1)
+            ]
+        self._append[again]()
 
     def compare_motion(self) -> list[Launch]:
         """What the lists allow between particles and ghosts, as `compare_motion` does it among particles."""
