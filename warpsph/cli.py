@@ -453,7 +453,7 @@ def _check_cache(options: argparse.Namespace) -> int:
     for problem in problems:
         _print(problem)
     if not problems:
-        _print(f"{folder}: sound, {len(list((folder / 'frames').glob('*.usdc')))} frames")
+        _print(f"{folder}: sound, {len(list((folder / 'frames').glob('fluid.*.usdc')))} frames")
     return INVALID if problems else OK
 
 
