@@ -103,7 +103,8 @@ def mesh_around(points: np.ndarray, spacing: float, threads: int = 1) -> tuple[n
     """The surface around particles, which encloses as much as they stand for.
 
     Args:
-        points: [m], shape [n, 3]; none where all of a fluid has left; those of a sheet, all with one y, are made `LAYERS` particles thick.
+        points: [m], shape [n, 3]; none where all of a fluid has left. Those of a sheet, all with one y, are made
+            `LAYERS` particles thick.
         spacing: Of the particles [m].
         threads: How many cores to use; pysplashsurf takes it from RAYON_NUM_THREADS when it is more than one.
 
