@@ -37,4 +37,5 @@ def test_every_command_of_the_tutorial_runs(folder, monkeypatch):
         if words[0] in ("scene", "check", "sweep"):
             words += SHORT
         assert main(words) == OK, command
-    assert "force x" in warpsph.read_run("runs/dam")["bodies/dam"]
+    records = warpsph.read_run("runs/dam")
+    assert "force x" in records["forces/dam"] and "volume" in records["overtopping/crest"]

@@ -456,7 +456,7 @@ def _check_cache(options: argparse.Namespace) -> int:
     for problem in problems:
         _print(problem)
     if not problems:
-        _print(f"{folder}: sound, {len(list((folder / 'frames').glob('*.usdc')))} frames")
+        _print(f"{folder}: sound, {len(list((folder / 'frames').glob('fluid.*.usdc')))} frames")
     return INVALID if problems else OK
 
 
@@ -513,6 +513,8 @@ def _surface(options: argparse.Namespace) -> int:
             tell(f"frame {mesh.frame}, {mesh.fluid}: moved by {mesh.moved:+.3f} spacings\n", sys.stderr)
     except SurfaceError as error:
         return _complain(str(error), INPUT)
+    if not found:
+        return _complain(f"{folder}: no frame of it holds a particle", INPUT)
     open_ones = [mesh for mesh in found if not mesh.is_closed]
     low, high = (pick(mesh.share for mesh in found) for pick in (min, max))
     farthest = max(abs(mesh.moved) for mesh in found)

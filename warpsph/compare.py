@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from warpsph.output.gauge_waves import describe_gauge
 from warpsph.output.pages import write_table
-from warpsph.output.plots import SIZE, TIME, line_colors, name_lines, new_plots
+from warpsph.output.plots import TIME, line_colors, name_lines, small_plot
 from warpsph.output.records import read_record
 
 WAVE = ("still level [m]", "arrival [s]", "crest [m]", "crest time [s]", "trough [m]", "period [s]")
@@ -122,7 +122,7 @@ def _difference(first: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> t
 
 
 def _overlay(curves: dict[str, dict[str, np.ndarray]]) -> Figure:
-    figure, (axes,) = new_plots(1, SIZE)
+    figure, axes = small_plot()
     for (name, record), color in zip(curves.items(), line_colors(len(curves)), strict=True):
         axes.plot(*_rise(record), color=color, linewidth=1.4, label=name)
     axes.set(xlabel=TIME, ylabel="level − still level [m]")
@@ -132,7 +132,7 @@ def _overlay(curves: dict[str, dict[str, np.ndarray]]) -> Figure:
 
 
 def _apart(curves: dict[str, dict[str, np.ndarray]]) -> Figure:
-    figure, (axes,) = new_plots(1, SIZE)
+    figure, axes = small_plot()
     (first_name, first), *others = curves.items()
     for (name, record), color in zip(others, line_colors(len(curves))[1:], strict=True):
         axes.plot(*_difference(first, record), color=color, linewidth=1.4, label=name)

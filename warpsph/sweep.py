@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from warpsph.output.claim import digest, read_json, write_whole
 from warpsph.output.gauge_waves import describe_gauge
 from warpsph.output.pages import write_table
-from warpsph.output.plots import SIZE, TIME, line_colors, name_lines, new_plots
+from warpsph.output.plots import TIME, line_colors, name_lines, small_plot
 from warpsph.output.records import read_record
 from warpsph.scene.scene import Scene, SceneError, load_scene
 
@@ -341,7 +341,7 @@ def plots_over(
         shown = [row for row in rows if isinstance(row[at], float)]
         if not (crests and shown):
             continue
-        figure, (axes,) = new_plots(1, SIZE)
+        figure, axes = small_plot()
         for heading, color in zip(crests, line_colors(len(crests)), strict=True):
             points = [(row[at], row[headings.index(heading)]) for row in shown]
             points = [point for point in points if point[1] is not None]

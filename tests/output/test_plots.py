@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from warpsph.output import plots as preview
-from warpsph.output.plots import RECORDS, Panel, Records, gauge_picture, line_colors
+from warpsph.output.pages import plot
+from warpsph.output.plots import RECORDS, Panel, Records, gauge_figure, gauge_picture, line_colors, small_plot
 
 
 def test_gauges_are_drawn_with_the_amplitude_of_their_crests(tmp_path, monkeypatch):
@@ -62,3 +63,16 @@ def test_a_panel_without_its_columns_is_left_out():
         {"a": {"time [s]": [0.0], "z [m]": [1.0]}}
     )
     assert [title for title, _ in plots] == ["z over time"]
+
+
+def test_a_figure_drawn_upon_again_is_as_a_new_one():
+    time = np.linspace(0.0, 2.0, 50)
+    waves = {f"gauge {k}": {"time [s]": time, "level [m]": 0.1 * k * np.sin(time)} for k in range(1, 9)}
+    paths = {"box": {"time [s]": time, "x [m]": 40.0 * time, "z [m]": time**2}}
+    (bodies,) = (kind for kind in RECORDS if kind.heading == "Bodies")
+    sheet, _ = small_plot()
+    gauge_figure(waves, onto=sheet)
+    again = [plot(figure) for _, figure in bodies.plots(paths, onto=sheet)]
+    assert again == [plot(figure) for _, figure in bodies.plots(paths)]
+    gauge_figure(waves, onto=sheet)
+    assert plot(sheet) == plot(gauge_figure(waves)[0])

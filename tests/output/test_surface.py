@@ -108,6 +108,15 @@ def test_the_cache_holds_a_mesh_in_every_frame(cache):
     assert check_cache(cache.folder) == []
 
 
+def test_a_fluid_that_has_left_has_no_surface(cache):
+    nothing = np.zeros((0, 3), np.float32)
+    arrays = {name: np.zeros(0, np.float32) for name in ("density", "pressure")}
+    whole = {"fluid": np.zeros(0, np.int32), "id": np.zeros(0, np.int64)}
+    cache.write(Snapshot(time=0.2, step=2, position=nothing.astype(float), velocity=nothing, **arrays, **whole))
+    assert [mesh.frame for mesh in make_surface(cache.folder)] == [0, 1]
+    assert check_cache(cache.folder) == []
+
+
 def test_a_hole_in_the_surface_is_told(cache):
     list(make_surface(cache.folder))
     path = cache.folder / "frames" / "surface.00001.usdc"

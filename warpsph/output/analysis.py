@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from warpsph.measure.compare import compared, read_observed
 from warpsph.measure.wave_train import find_train, harmonic, phase_speed, reflected, reflected_sea, spectrum
-from warpsph.output.plots import INK, LINE_PALETTE, SIZE, new_plots
+from warpsph.output.plots import INK, LINE_PALETTE, name_lines, small_plot
 from warpsph.output.records import find_crest, read_record
 from warpsph.scene.instruments import Observed
 from warpsph.scene.scene import Scene
@@ -253,19 +253,19 @@ def instrument_plots(run_dir: Path, scene: Scene) -> Iterator[tuple[str, Figure]
 
 
 def _draw_observed(record: dict[str, np.ndarray], heading: str, seen: tuple[np.ndarray, np.ndarray]) -> Figure:
-    figure, (axes,) = new_plots(1, SIZE)
+    figure, axes = small_plot()
     time, (at, value) = record["time [s]"], seen
     axes.plot(at, value, color=INK, linewidth=1.0, marker=".", markersize=3, label="observed")
     axes.plot(time, record[heading], color=LINE_PALETTE[0], linewidth=1.4, label="computed")
     axes.set(xlabel="time [s]", ylabel=heading, xlim=(time[0], time[-1]))
-    axes.legend(frameon=False, fontsize=10, labelcolor=INK)
+    name_lines(figure, axes)
     return figure
 
 
 def _draw_spectra(scene: Scene, maker: WaveMaker, run_dir: Path) -> Figure | None:
     """Spectra of all gauges, bands of eight frequencies, over that asked for; None where records are too short."""
     height, period = _size(maker)
-    figure, (axes,) = new_plots(1, SIZE)
+    figure, axes = small_plot()
     drawn = False
     for gauge, color in zip(scene.gauges, cycle(LINE_PALETTE), strict=False):
         record = _columns(run_dir / "gauges" / f"{gauge.name}.csv")
@@ -281,5 +281,5 @@ def _draw_spectra(scene: Scene, maker: WaveMaker, run_dir: Path) -> Figure | Non
     asked = spectral_density(f, height=height, period=period, spectrum=name, peak=peak)
     axes.plot(f, asked, color=INK, linewidth=1.6, linestyle="--", label="asked for")
     axes.set(xlabel="frequency [Hz]", ylabel="S [m2 s]", xlim=(0.0, 1.2 * HIGHEST / period))
-    axes.legend(frameon=False, fontsize=10, labelcolor=INK)
+    name_lines(figure, axes)
     return figure if drawn else None

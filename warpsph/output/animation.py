@@ -55,21 +55,27 @@ def animate(frames_dir: Path, out: Path, fps: float) -> Path:
 def _write_mp4(frames: Sequence[Path], path: Path, fps: float) -> None:
     """Encode the frames one by one."""
     import av
+    from av.video.frame import PictureType
+    from av.video.reformatter import ColorRange
 
-    with Image.open(frames[0]) as picture:
-        width, height = picture.size
+    # FFmpeg reads PNG in half the time of Pillow, and hands the picture on without a copy.
+    reader = av.CodecContext.create("png", "r")
+    rate = Fraction(fps).limit_denominator(1001)
     # The index comes first, so that a player may begin before it has all.
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as film:
         # This preset takes half the time of the usual one, for as many bytes and a likeness that is 0.0006 less (SSIM).
-        options = {"preset": "veryfast", "crf": "18"}
-        stream = film.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001), options=options)
-        # Players expect 4:2:0, which needs the even sizes that frames have.
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream = film.add_stream("libx264", rate=rate, options={"preset": "veryfast", "crf": "18"})
+        stream.pix_fmt = "yuv420p"  # which players expect; it needs the even sizes that frames have
         stream.thread_count = 1
-        for frame in frames:
-            with Image.open(frame) as picture:
-                image = av.VideoFrame.from_ndarray(np.asarray(picture.convert("RGB")), format="rgb24")
-            film.mux(stream.encode(image))
+        for number, frame in enumerate(frames):
+            packet = av.Packet(frame.read_bytes())
+            packet.is_keyframe = True  # whole by itself, not a change of the one before
+            (image,) = reader.decode(packet)
+            if not number:
+                stream.width, stream.height = image.width, image.height
+            picture = image.reformat(format=stream.pix_fmt, dst_color_range=ColorRange.MPEG)
+            picture.pts, picture.time_base, picture.pict_type = number, 1 / rate, PictureType.NONE
+            film.mux(stream.encode(picture))
         film.mux(stream.encode())
 
 

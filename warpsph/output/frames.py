@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
@@ -146,12 +147,12 @@ class FrameWriter:
         heading.set_fontsize(13 * min(1.0, (width - left - RIGHT) / heading.get_window_extent().width))
         self._time = self._figure.text(left, axes.bbox.y1 + 14, "", fontsize=13, color=INK, transform=None)
 
-        self._over = (near, *levels, self._time)
-        for artist in (*self._bodies, *self._over):
+        for artist in (*self._bodies, near, *levels, self._time):
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(self._figure.bbox)
         self._pixels = np.asarray(self._canvas.buffer_rgba())  # the canvas's own memory
+        self._over = self._print_over((near, *levels))
         top = len(self._pixels) - axes.bbox.y1
         self._origin = np.array([left - self._scale * window[0][0], top + self._scale * window[1][1]])
         box = np.round([(left, top), (axes.bbox.x1, len(self._pixels) - axes.bbox.y0)]).astype(int)
@@ -201,6 +202,24 @@ class FrameWriter:
             axes.annotate("▽", (shown[0][1], level), (2, 1), textcoords="offset points", fontsize=9, color=INK)
         return [still]
 
+    def _print_over(self, artists: Sequence[Artist]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What lies over the particles in every frame, drawn once: Matplotlib takes longer than to paint a frame.
+
+        Returns:
+            The pixels that it covers, shape [n]; the ink on each, [n, 3], of 0 to 255; and the share of what is below
+            that is seen through it, [n, 1].
+        """
+        drawn = []
+        for paper in (0, 255):
+            self._pixels[:] = paper, paper, paper, 255
+            for artist in artists:
+                self._figure.draw_artist(artist)
+            drawn.append(self._pixels[:, :, :3].reshape(-1, 3).astype(np.float32))
+        on_black, on_white = drawn
+        under = (on_white - on_black).mean(axis=1, keepdims=True) / 255.0
+        at = np.flatnonzero(under < 1.0)
+        return at, on_black[at], under[at]
+
     def write(self, frame: int, snapshot: Snapshot, places: Sequence[Place] = ()) -> Path:
         """Draw a snapshot, with the bodies in their places, as frame `frame`, and return the path of the picture."""
         path = self.folder / f"frame.{frame:05d}.png"
@@ -232,8 +251,10 @@ class FrameWriter:
             self._figure.draw_artist(self._bodies[body])
             drawn = ends[body]
         self._paint_all(snapshot, flat, size, nearest_last[drawn:])
-        for artist in self._over:
-            self._figure.draw_artist(artist)
+        at, ink, under = self._over
+        pixels = self._pixels.reshape(-1, 4)
+        pixels[at, :3] = ink + under * pixels[at, :3] + 0.5
+        self._figure.draw_artist(self._time)
         return png_bytes(self._pixels[:, :, :3])
 
     def _paint_all(self, snapshot: Snapshot, flat: np.ndarray, size: np.ndarray, order: np.ndarray) -> None:

@@ -46,7 +46,7 @@ def write_table(
     Args:
         page: The file; one that is there is replaced if it is a page of this kind.
         title, words: What stands above the table.
-        headings, rows: The table.
+        headings, rows: The table; columns that say nothing are left out.
         links: Where the entries of the first column lead, by what they say.
         figures: What each plot is called, and the plot.
 
@@ -56,6 +56,8 @@ def write_table(
     if page.exists() and OURS not in page.read_text(encoding="utf-8", errors="replace")[:200]:
         raise PageError(f"{page}: is there already, and was not written by warpsph; choose another --out")
     plots = [(caption, plot(figure)) for caption, figure in figures]
+    shown = [column for column in range(len(headings)) if any(row[column] not in (None, "") for row in rows)]
+    headings, rows = [headings[column] for column in shown], [[row[column] for column in shown] for row in rows]
     text = render("table.html.jinja", title=title, words=words, headings=headings, rows=rows, links=links, plots=plots)
     page.write_text(text, encoding="utf-8")
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, rcParams
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -76,12 +76,17 @@ class Records:
         paths = [path for path in sorted(run_dir.glob(self.files)) if _has_rows(path)]
         return {path.stem: read_record(path) for path in paths}
 
-    def plots(self, curves: Curves, colors: Mapping[str, str] | None = None) -> Iterator[tuple[str, Figure]]:
-        """What each plot is called, and the plot, of records by name; `colors` by name where these are given."""
+    def plots(
+        self, curves: Curves, colors: Mapping[str, str] | None = None, onto: Figure | None = None
+    ) -> Iterator[tuple[str, Figure]]:
+        """What each plot is called, and the plot, of records by name; `colors` by name where these are given.
+
+        All are drawn `onto` one figure where it is given, which must be printed before the next is asked for.
+        """
         for panel in self.panels or _by_unit(curves):
             lines = list(_lines(panel, curves, colors or {}))
             if lines:
-                yield _title(panel), _draw(panel, lines)
+                yield _title(panel), _draw(panel, lines, onto)
 
 
 # What a report plots, in this order.
@@ -160,6 +165,9 @@ def new_plots(count: int, size: tuple[float, float] = (9.0, 4.2)) -> tuple[Figur
     else:
         figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
     plots = np.atleast_1d(figure.subplots(1, count))
+    if is_small:  # labels at the edges of the figure, which need not be looked for
+        plots[0].xaxis.set_label_coords(0.5 * (AROUND["left"] + AROUND["right"]), 0.05, figure.transFigure)
+        plots[0].yaxis.set_label_coords(0.035, 0.5 * (AROUND["bottom"] + AROUND["top"]), figure.transFigure)
     for axes in plots:
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set_color(GREY)
@@ -167,6 +175,22 @@ def new_plots(count: int, size: tuple[float, float] = (9.0, 4.2)) -> tuple[Figur
         axes.set_axisbelow(True)
         style_labels(axes)
     return figure, plots
+
+
+def small_plot(onto: Figure | None = None) -> tuple[Figure, Axes]:
+    """A figure of one plot as small as `SIZE`: a new one, or `onto` emptied, as axes and ticks take long to make."""
+    if onto is None:
+        figure, (axes,) = new_plots(1, SIZE)
+        return figure, axes
+    (axes,) = onto.axes
+    for artist in (*axes.lines, *axes.texts, *onto.legends):
+        artist.remove()
+    axes.margins(x=rcParams["axes.xmargin"], y=rcParams["axes.ymargin"])
+    axes.relim()
+    axes.autoscale()
+    onto.set_size_inches(SIZE)
+    onto.subplots_adjust(**AROUND)
+    return onto, axes
 
 
 def style_labels(axes: Axes) -> None:
@@ -210,17 +234,15 @@ def name_lines(figure: Figure, axes: Axes) -> None:
 MOST_CURVES = 24
 
 
-def gauge_figure(
-    levels: Curves, observed: Curves | None = None, size: tuple[float, float] = (9.0, 4.2)
-) -> tuple[Figure, Axes]:
+def gauge_figure(levels: Curves, observed: Curves | None = None, onto: Figure | None = None) -> tuple[Figure, Axes]:
     """The levels of gauges over that at rest, each named with the amplitude of its crest.
 
     Args:
         levels: Records of gauges by name; the first level is that of the water at rest.
         observed: Measured records by the name of their gauge, their level above that at rest.
-        size: [inch].
+        onto: A figure that is drawn upon anew, of those that this or `Records.plots` made.
     """
-    figure, (axes,) = new_plots(1, size)
+    figure, axes = small_plot(onto)
     levels = dict(list(levels.items())[:MOST_CURVES])
     for (name, record), color in zip(levels.items(), line_colors(len(levels)), strict=True):
         time, level = record[TIME], record["level [m]"]
@@ -242,7 +264,7 @@ def gauge_figure(
 def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO) -> None:
     """Draw the gauge records `csvs` in one panel, as `gauge_figure` does, into the PNG `out`."""
     records = {path.stem: read_record(path) for path in csvs}
-    figure, _ = gauge_figure({name: record for name, record in records.items() if len(record[TIME])}, size=SIZE)
+    figure, _ = gauge_figure({name: record for name, record in records.items() if len(record[TIME])})
     figure.savefig(out, format="png")
 
 
@@ -299,8 +321,8 @@ def _lines(panel: Panel, curves: Curves, colors: Mapping[str, str]) -> Iterator[
         yield _Line(label, color, record[along], y, (along, heading), column == "total")
 
 
-def _draw(panel: Panel, lines: Sequence[_Line]) -> Figure:
-    figure, (axes,) = new_plots(1, SIZE)
+def _draw(panel: Panel, lines: Sequence[_Line], onto: Figure | None) -> Figure:
+    figure, axes = small_plot(onto)
     is_named = len(lines) > 1 or lines[0].label not in panel.columns
     for line in lines:
         style = {"color": INK, "linewidth": 2.0, "linestyle": "--"} if line.is_total else {"color": line.color}

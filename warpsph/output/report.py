@@ -21,7 +21,7 @@ from warpsph.output.analysis import instrument_plots
 from warpsph.output.colors import fluid_colors
 from warpsph.output.gauge_waves import describe_gauge, off_observed, read_observed
 from warpsph.output.pages import embedded, plot, render
-from warpsph.output.plots import RECORDS, SIZE, TIME, Curves, gauge_figure
+from warpsph.output.plots import RECORDS, TIME, Curves, gauge_figure, small_plot
 from warpsph.scene.fields import Part
 from warpsph.scene.scene import Scene, SceneError, load_scene
 
@@ -165,18 +165,20 @@ def _observed(scene: Scene | None) -> dict[str, dict[str, np.ndarray]]:
 
 def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
     """The plots of all records there are."""
+    sheet, _ = small_plot()
     for kind in RECORDS:
         curves = kind.read(run_dir)
         if not curves:
             continue
         if kind.heading == "Wave gauges":
-            figure, _ = gauge_figure(curves, _observed(scene), size=SIZE)
-            figures = [("Level above that at rest over time, at each gauge", figure)]
+            gauge_figure(curves, _observed(scene), sheet)
+            plots = [("Level above that at rest over time, at each gauge", plot(sheet))]
         else:
-            figures = list(kind.plots(curves, _colors(scene, curves)))
+            drawn = kind.plots(curves, _colors(scene, curves), sheet)
+            plots = [(title, plot(figure)) for title, figure in drawn]  # each before the next is drawn
         paths = sorted(run_dir.glob(kind.files))
         links = [(path.name, path.relative_to(run_dir).as_posix()) for path in paths]
-        yield Section(kind.heading, kind.words, [(title, plot(figure)) for title, figure in figures], links)
+        yield Section(kind.heading, kind.words, plots, links)
 
 
 def _compared(run_dir: Path, scene: Scene | None) -> Iterator[Section]:

@@ -36,7 +36,9 @@ from warpsph.output.usd import (
 )
 
 # In spacings: the smoothing length of the kernel, whose support is twice that, and the edge of a marching cube.
-SMOOTHING, CUBE = 1.0, 0.75
+SMOOTHING, CUBE = 1.0, 0.5
+# How near the volume of a mesh comes to that of its particles, over the latter [-].
+CLOSE = 1e-6
 # A sheet of particles, of a 2-D scene, is made so many particles thick.
 LAYERS = 5
 MESH_ATTRIBUTES = {
@@ -101,7 +103,8 @@ def mesh_around(points: np.ndarray, spacing: float, threads: int = 1) -> tuple[n
     """The surface around particles, which encloses as much as they stand for.
 
     Args:
-        points: [m], shape [n, 3]; those of a sheet, all with one y, are made `LAYERS` particles thick.
+        points: [m], shape [n, 3]; none where all of a fluid has left. Those of a sheet, all with one y, are made
+            `LAYERS` particles thick.
         spacing: Of the particles [m].
         threads: How many cores to use; pysplashsurf takes it from RAYON_NUM_THREADS when it is more than one.
 
@@ -112,11 +115,14 @@ def mesh_around(points: np.ndarray, spacing: float, threads: int = 1) -> tuple[n
     import pysplashsurf
 
     points = thick(np.asarray(points, dtype=np.float64), spacing)
+    if not len(points):
+        return np.zeros((0, 3), dtype=np.float32), np.zeros((0, 3), dtype=np.int32), 0.0
     found = pysplashsurf.reconstruct_surface(
         points / spacing,
         particle_radius=0.5,
-        smoothing_length=2.0 * SMOOTHING,  # its word for the radius of the support
-        cube_size=CUBE,
+        # Both in radii of a particle, whatever its documentation says.
+        smoothing_length=2.0 * SMOOTHING,
+        cube_size=2.0 * CUBE,
         iso_surface_threshold=flat_share(SMOOTHING),
         multi_threading=threads > 1,
     )
@@ -132,26 +138,33 @@ def with_volume(vertices: np.ndarray, triangles: np.ndarray, volume: float) -> t
     """A closed mesh, each vertex moved along its normal by the same way, so that it encloses `volume` [m3].
 
     To first order the volume changes by the way times the sum over vertices of |A|, a third of the area vectors of the
-    triangles around; three times over, it is met.
+    triangles around; three times over at most, it is met.
 
     Returns:
         The vertices [m], and how far they have been moved outwards [m].
     """
+    middle = vertices.mean(axis=0)
+    at = np.ascontiguousarray((vertices - middle).T)  # a row for each direction, which NumPy goes through fastest
+    corners = np.ascontiguousarray(triangles.T)
     moved = 0.0
     for _ in range(3):
-        a, b, c = (vertices[triangles[:, k]] for k in range(3))
-        around = np.repeat(np.cross(b - a, c - a) / 6.0, 3, axis=0)
-        area = np.stack([np.bincount(triangles.ravel(), around[:, k], len(vertices)) for k in range(3)], axis=1)
-        size = np.linalg.norm(area, axis=1)
-        way = (volume - enclosed_volume(vertices, triangles)) / size.sum()
-        vertices = vertices + way * area / np.maximum(size, 1e-300)[:, None]
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (at[:, corner] for corner in corners)
+        bx, by, bz, cx, cy, cz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+        normals = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx  # twice the areas
+        missing = volume - (ax @ normals[0] + ay @ normals[1] + az @ normals[2]) / 6.0
+        if abs(missing) < CLOSE * volume:
+            break
+        around = np.stack([sum(np.bincount(c, n, len(vertices)) for c in corners) for n in normals])
+        size = np.sqrt((around**2).sum(axis=0))
+        way = missing / (size.sum() / 6.0)
+        at += way * around / np.maximum(size, 1e-300)
         moved += way
-    return vertices, moved
+    return at.T + middle, moved
 
 
 def is_sheet(points: np.ndarray) -> bool:
     """Whether particles lie in one x-z plane."""
-    return bool(np.ptp(points[:, 1]) == 0.0)
+    return bool(len(points) and np.ptp(points[:, 1]) == 0.0)
 
 
 def thick(points: np.ndarray, spacing: float) -> np.ndarray:
@@ -186,7 +199,7 @@ def make_surface(folder: Path, threads: int = 1) -> Iterator[Enclosed]:
     """Make the meshes of all frames of the USD cache in `folder`, and then the file that shows them.
 
     Yields:
-        What each mesh comes to, frame by frame.
+        What each mesh comes to, frame by frame; a fluid that has left whole has none.
 
     Raises:
         SurfaceError: pysplashsurf is not installed, or there is no cache.
@@ -215,8 +228,9 @@ def make_surface(folder: Path, threads: int = 1) -> Iterator[Enclosed]:
             vertices, triangles, moved = mesh_around(points, spacing, threads)
             for attribute, value in _values(vertices, triangles).items():
                 layer.SetTimeSample(f"{SURFACE_SCOPE}/{name}.{attribute}", frame, value)
-            share = enclosed_volume(vertices, triangles) / particle_volume(points, spacing)
-            yield Enclosed(frame, name, share, moved, is_watertight(triangles))
+            if len(points):
+                share = enclosed_volume(vertices, triangles) / particle_volume(points, spacing)
+                yield Enclosed(frame, name, share, moved, is_watertight(triangles))
         publish(layer, folder / "frames" / _frame_name(frame))
     _write_root(folder, list(fluids), frames, rate)
 
@@ -226,11 +240,12 @@ def _frame_name(frame: int) -> str:
 
 
 def _values(vertices: np.ndarray, triangles: np.ndarray) -> dict[str, Any]:
+    extent = np.stack([vertices.min(axis=0), vertices.max(axis=0)]) if len(vertices) else vertices
     return {
         "points": Vt.Vec3fArray.FromNumpy(vertices),
         "faceVertexCounts": Vt.IntArray.FromNumpy(np.full(len(triangles), 3, dtype=np.int32)),
         "faceVertexIndices": Vt.IntArray.FromNumpy(triangles.ravel()),
-        "extent": Vt.Vec3fArray.FromNumpy(np.stack([vertices.min(axis=0), vertices.max(axis=0)])),
+        "extent": Vt.Vec3fArray.FromNumpy(extent),
     }
 
 

@@ -332,7 +332,8 @@ class UsdCache:
         velocities = np.ascontiguousarray(snapshot.velocity[members], dtype=np.float32)
         ids = np.ascontiguousarray(snapshot.id[members], dtype=np.int64)
         radius = np.float32(0.5 * self._spacing)
-        extent = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
+        # Of nothing where all of a fluid has left.
+        extent = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius]) if len(points) else points
         of_rheology = {}
         fields = {"pressure": snapshot.pressure, "density": snapshot.density}
         if snapshot.apparent_viscosity is not None:

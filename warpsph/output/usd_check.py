@@ -118,7 +118,7 @@ def _surface_problems(folder: Path) -> Iterator[str]:
                 yield f"{prim.GetPath()}, frame {frame}: the surface is not watertight"
                 continue
             volume = particle_volume(np.array(particles.GetPointsAttr().Get(frame)), spacing)
-            share = enclosed_volume(vertices, triangles) / volume
+            share = enclosed_volume(vertices, triangles) / volume if volume else 1.0 + len(vertices)
             if abs(share - 1.0) > VOLUME_ERROR:
                 yield f"{prim.GetPath()}, frame {frame}: the surface encloses {share:.3f} of the particles' volume"
 
@@ -199,9 +199,11 @@ def _frame_problems(arrays: Arrays, diameter: float) -> Iterator[str]:
     count = len(arrays["points"])
     lengths = {name: len(array) for name, array in arrays.items() if name != "extent"}
     wrong = {name: length for name, length in lengths.items() if length != count}
-    if wrong or count == 0 or len(arrays["extent"]) != 2:
+    if wrong or len(arrays["extent"]) != (2 if count else 0):
         found = ", ".join(f"{length} {name}" for name, length in wrong.items())
         yield f"{count} points, {len(arrays['extent'])} corners of the extent{', ' if found else ''}{found}"
+        return
+    if not count:  # all of it has left
         return
     for name, array in arrays.items():
         if not np.isfinite(array).all():
@@ -245,5 +247,5 @@ def _motion_problems(before: Arrays, after: Arrays, dt: float, diameter: float, 
     turned = np.linalg.norm(next_velocity - velocity, axis=1)
     speeds = np.linalg.norm(velocity, axis=1) + np.linalg.norm(next_velocity, axis=1)
     astray = error > 0.5 * dt * turned + 0.5 * diameter + 0.1 * 0.5 * dt * speeds
-    if astray.mean() > 0.05:
+    if astray.sum() > 0.05 * len(astray):
         yield f"{astray.sum()} of {len(astray)} particles are not where their velocities take them"
