@@ -8,7 +8,9 @@ from pydantic import Field, model_validator
 
 from warpsph.scene.fields import (
     COLOR,
+    IN_SPACE,
     Angle,
+    Components,
     Coordinate,
     Density,
     Direction,
@@ -42,7 +44,7 @@ class BodyMotion(Part):
         0.0, description="Rate of constant and ramp [degrees/s], amplitude of sine [degrees], counter-clockwise."
     )
     pivot: Point | None = Field(None, description="What it turns about at the start [m]; the centre when absent.")
-    axis: Direction | None = Field(
+    axis: Annotated[Direction | None, IN_SPACE] = Field(
         None, description="In 3-D, along what it turns, right-handed [-]; [0, -1, 0] when absent."
     )
     begin: Coordinate = Field(0.0, description="When it begins [s].")
@@ -89,19 +91,19 @@ class Body(Part):
     shape: Solid = Field(description="Its shape, as drawn [m].")
     at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
     angle: Angle = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
-    axis: Direction | None = Field(
+    axis: Annotated[Direction | None, IN_SPACE] = Field(
         None, description="In 3-D, along what the drawing is turned, right-handed [-]; [0, -1, 0] when absent."
     )
     density: Density | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
     centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
-    inertia: Moments | None = Field(
+    inertia: Annotated[Moments | None, Components("[Jx, Jy, Jz]")] = Field(
         None,
         description="Moment of inertia about the centre [kg m2/m], in 3-D the three [Jx, Jy, Jz] along the axes of the "
         "drawing [kg m2]; that of the shape when absent.",
     )
     velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
-    spin: Angle | Triple | None = Field(
+    spin: Annotated[Angle | Triple | None, Components("[wx, wy, wz]")] = Field(
         None,
         description="Spin at the start or the release, counter-clockwise; in 3-D [wx, wy, wz] [rad/s]; none if absent.",
     )

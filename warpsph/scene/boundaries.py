@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import Coefficient, Name, Part, Point, Range, Real, Switch, fault
+from warpsph.scene.fields import ACROSS, IN_SPACE, Coefficient, Name, Part, Point, Range, Real, Switch, fault
 from warpsph.scene.shapes import MOST_CORNERS, Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
 
 Face = Literal["left", "right", "front", "back", "bottom", "top"]
@@ -17,7 +17,7 @@ Face = Literal["left", "right", "front", "back", "bottom", "top"]
 class BoxWall(Box):
     """The faces of a box."""
 
-    open: tuple[Face, ...] | None = Field(None, description="Faces that are missing, in 3-D [-].")
+    open: Annotated[tuple[Face, ...] | None, IN_SPACE] = Field(None, description="Faces that are missing, in 3-D [-].")
 
     @model_validator(mode="after")
     def _has_a_face(self) -> BoxWall:
@@ -37,7 +37,7 @@ class Wall(Part):
     box: BoxWall | None = Field(None, description="Outline of an upright rectangle, in 3-D the faces of a box [m].")
     disc: Disc | None = Field(None, description="Outline of a circle [m].")
     arc: Arc | None = Field(None, description="A part of a circle [m, degrees].")
-    width: Range | None = Field(
+    width: Annotated[Range | None, ACROSS] = Field(
         None, description="In 3-D, from y to y: how far a path, disc or arc reaches across [m]."
     )
 

@@ -6,7 +6,22 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from warpsph.scene.fields import Angle, Coordinate, Line, Pair, Part, Point, Range, Real, Size, Triple, fault
+from warpsph.scene.fields import (
+    ACROSS,
+    IN_PLANE,
+    IN_SPACE,
+    Angle,
+    Coordinate,
+    Line,
+    Pair,
+    Part,
+    Point,
+    Range,
+    Real,
+    Size,
+    Triple,
+    fault,
+)
 
 # An outline of more is read slowly, and its particles are placed more slowly still.
 MOST_CORNERS = 2000
@@ -85,8 +100,10 @@ class Shape(Part):
         None, description="Corners [x, z] of a polygon [m], either way round."
     )
     disc: Disc | None = Field(None, description="Circle [m].")
-    sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")
-    width: Range | None = Field(None, description="In 3-D, from y to y: how far a polygon or disc reaches across [m].")
+    sphere: Annotated[Ball | None, IN_SPACE] = Field(None, description="Sphere, in 3-D [m].")
+    width: Annotated[Range | None, ACROSS] = Field(
+        None, description="In 3-D, from y to y: how far a polygon or disc reaches across [m]."
+    )
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Shape:
@@ -111,15 +128,15 @@ class Solid(Part):
     """The shape of a rigid body: exactly one of box, polygon, disc, path, sphere and mesh."""
 
     box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
-        None, description="Corners [x, z] of a polygon, either way round, in 2-D [m]."
+    polygon: Annotated[Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE] = (
+        Field(None, description="Corners [x, z] of a polygon, either way round, in 2-D [m].")
     )
-    disc: Disc | None = Field(None, description="Circle, in 2-D [m].")
-    path: Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
-        None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m]."
+    disc: Annotated[Disc | None, IN_PLANE] = Field(None, description="Circle, in 2-D [m].")
+    path: Annotated[Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE] = (
+        Field(None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m].")
     )
-    sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")
-    mesh: MeshFile | None = Field(None, description="Closed surface from a file, in 3-D [m].")
+    sphere: Annotated[Ball | None, IN_SPACE] = Field(None, description="Sphere, in 3-D [m].")
+    mesh: Annotated[MeshFile | None, IN_SPACE] = Field(None, description="Closed surface from a file, in 3-D [m].")
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Solid:
