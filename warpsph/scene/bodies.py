@@ -10,7 +10,6 @@ from warpsph.scene.fields import (
     COLOR,
     IN_SPACE,
     Angle,
-    Components,
     Coordinate,
     Density,
     Direction,
@@ -24,10 +23,11 @@ from warpsph.scene.fields import (
     Positive,
     Real,
     Switch,
+    ThreeInSpace,
     Triple,
     fault,
 )
-from warpsph.scene.shapes import Solid
+from warpsph.scene.shapes import SolidField
 
 LOCKS = {2: ("x", "z", "angle"), 3: ("x", "y", "z", "turn_x", "turn_y", "turn_z")}
 
@@ -84,11 +84,11 @@ class Touch(Part):
         return self
 
 
-class Body(Part):
+class BodyField(Part):
     """A rigid body, moved by the fluid, gravity and what it touches, or by a prescribed motion."""
 
     name: Name = Field(description="Name of the body [-]; its record is bodies/NAME.csv.")
-    shape: Solid = Field(description="Its shape, as drawn [m].")
+    shape: SolidField = Field(description="Its shape, as drawn [m].")
     at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
     angle: Angle = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
     axis: Annotated[Direction | None, IN_SPACE] = Field(
@@ -97,13 +97,13 @@ class Body(Part):
     density: Density | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
     centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
-    inertia: Annotated[Moments | None, Components("[Jx, Jy, Jz]")] = Field(
+    inertia: Annotated[Moments | None, ThreeInSpace("[Jx, Jy, Jz]")] = Field(
         None,
         description="Moment of inertia about the centre [kg m2/m], in 3-D the three [Jx, Jy, Jz] along the axes of the "
         "drawing [kg m2]; that of the shape when absent.",
     )
     velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
-    spin: Annotated[Angle | Triple | None, Components("[wx, wy, wz]")] = Field(
+    spin: Annotated[Angle | Triple | None, ThreeInSpace("[wx, wy, wz]")] = Field(
         None,
         description="Spin at the start or the release, counter-clockwise; in 3-D [wx, wy, wz] [rad/s]; none if absent.",
     )
@@ -118,7 +118,7 @@ class Body(Part):
     )
 
     @model_validator(mode="after")
-    def _is_possible(self) -> Body:
+    def _is_possible(self) -> BodyField:
         self._need_one_of("density", "mass")
         if self.motion:
             for name in ("velocity", "spin", "hold", "locked"):

@@ -9,12 +9,12 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from warpsph.scene.fields import ACROSS, IN_SPACE, Coefficient, Name, Part, Point, Range, Real, Switch, fault
-from warpsph.scene.shapes import MOST_CORNERS, Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
+from warpsph.scene.shapes import MOST_CORNERS, Arc, BoxField, Corner, Disc, PathPoint, refuse_width_of_box
 
 Face = Literal["left", "right", "front", "back", "bottom", "top"]
 
 
-class BoxWall(Box):
+class BoxWall(BoxField):
     """The faces of a box."""
 
     open: Annotated[tuple[Face, ...] | None, IN_SPACE] = Field(None, description="Faces that are missing, in 3-D [-].")
@@ -150,7 +150,7 @@ class Periodic(Part):
         return self
 
 
-class Image(Part):
+class ImageField(Part):
     """A mirror or a periodic pair of edges. All fluid lies on its inner side."""
 
     name: Name = Field(description="Name of the image [-].")
@@ -158,6 +158,6 @@ class Image(Part):
     periodic: Periodic | None = Field(None, description="A periodic pair instead.")
 
     @model_validator(mode="after")
-    def _is_one_image(self) -> Image:
+    def _is_one_image(self) -> ImageField:
         self._need_one_of("mirror", "periodic")
         return self

@@ -114,7 +114,7 @@ Moments = Annotated[
 ]
 
 
-class Mark:
+class DimensionMark:
     """What the type of a field says of its dimension, which only the whole scene can hold it to."""
 
     def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
@@ -123,11 +123,11 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class NumbersOfPoint(Mark):
+class NumbersOfPoint(DimensionMark):
     """A point has as many numbers as the scene has dimensions."""
 
     def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
-        """See `Mark`."""
+        """See `DimensionMark`."""
         if value is None or len(value) == dimensions:
             return None
         numbers = {2: "two numbers", 3: "three numbers"}[dimensions]
@@ -135,7 +135,7 @@ class NumbersOfPoint(Mark):
 
 
 @dataclass(frozen=True)
-class Only(Mark):
+class Only(DimensionMark):
     """A field that goes with one number of dimensions.
 
     Attributes:
@@ -149,7 +149,7 @@ class Only(Mark):
     unless: tuple[str, ...] = ()
 
     def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
-        """See `Mark`."""
+        """See `DimensionMark`."""
         if dimensions != self.dimensions:
             told = f"means nothing in a {dimensions}-D scene; it goes with 'dimensions: {self.dimensions}'"
             return told if value is not None else None
@@ -159,13 +159,13 @@ class Only(Mark):
 
 
 @dataclass(frozen=True)
-class Components(Mark):
+class ThreeInSpace(DimensionMark):
     """A number in the plane, and three in space, which are called `names`."""
 
     names: str
 
     def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
-        """See `Mark`."""
+        """See `DimensionMark`."""
         if isinstance(value, tuple):
             return IN_SPACE.fault(value, part, dimensions)
         if value is not None and dimensions == 3:
@@ -198,19 +198,19 @@ class Part(BaseModel):
             raise fault(f"exactly one of {', '.join(names)} is needed, not {' and '.join(given) or 'none'}")
 
 
-def _marks_in(annotation: Any) -> Iterator[Mark]:
+def _marks_in(annotation: Any) -> Iterator[DimensionMark]:
     for argument in get_args(annotation):
-        if isinstance(argument, Mark):
+        if isinstance(argument, DimensionMark):
             yield argument
         yield from _marks_in(argument)
 
 
 @cache
-def marks_of(kind: type[Part]) -> Mapping[str, tuple[Mark, ...]]:
+def marks_of(kind: type[Part]) -> Mapping[str, tuple[DimensionMark, ...]]:
     """The marks of each field of a kind of part."""
     found = {}
     for name, field in kind.model_fields.items():
-        outermost = (one for one in field.metadata if isinstance(one, Mark))
+        outermost = (one for one in field.metadata if isinstance(one, DimensionMark))
         found[name] = (*outermost, *_marks_in(field.annotation))
     return found
 

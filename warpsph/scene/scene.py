@@ -21,8 +21,8 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from warpsph.scene.bodies import LOCKS, Body, BodyMotion
-from warpsph.scene.boundaries import Image, Wall, WallModel
+from warpsph.scene.bodies import LOCKS, BodyField, BodyMotion
+from warpsph.scene.boundaries import ImageField, Wall, WallModel
 from warpsph.scene.fields import (
     COLOR,
     IN_SPACE,
@@ -49,13 +49,13 @@ from warpsph.scene.fields import (
 )
 from warpsph.scene.fluids import (
     DensityDiffusion,
-    DensityFilter,
-    Fluid,
+    DensityFilterField,
+    FluidField,
     Material,
-    Rheology,
+    RheologyField,
     Shifting,
     Smoothing,
-    Viscosity,
+    ViscosityField,
 )
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
 from warpsph.scene.source import SceneError, SourceMap, apply_override, closest, nearest, read_text, read_yaml, show
@@ -87,7 +87,7 @@ class WarmUp(Part):
         return 0.5 * self.duration if self.settling is None else min(self.settling, self.duration)
 
 
-class Run(Part):
+class RunField(Part):
     """When to stop, and how far a step reaches."""
 
     end_time: Duration = Field(description="End of the run [s]; t = 0 is the release.")
@@ -177,14 +177,16 @@ class Scene(Part):
     artificial_viscosity_beta: Coefficient = Field(
         0.0, description="Quadratic coefficient beta of the monaghan artificial viscosity [-]."
     )
-    viscosity: Viscosity = Field(Viscosity(), description="How forces come of the materials' own viscosities.")
+    viscosity: ViscosityField = Field(
+        ViscosityField(), description="How forces come of the materials' own viscosities."
+    )
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
     continuity: Literal["plain", "renormalised"] = Field(
         "plain",
         description="Divergence in the rate of density [-]: plain, the partner of the pressure force, or renormalised, "
         "exact for linear velocities in disorder and at a surface, for which energy is kept less well.",
     )
-    density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
+    density_filter: DensityFilterField = Field(DensityFilterField(), description="Density made anew, now and then.")
     shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
     tensile_correction: SwitchOrBounded = Field(
         "bounded",
@@ -199,11 +201,13 @@ class Scene(Part):
     )
     walls: Annotated[tuple[Wall, ...], Field(max_length=MOST_WALLS)] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
-    images: Annotated[tuple[Image, ...], Field(max_length=6)] = Field((), description="Mirrors and periodic edges.")
-    fluids: Annotated[tuple[Fluid, ...], Field(min_length=1, max_length=MOST_FLUIDS)] = Field(
+    images: Annotated[tuple[ImageField, ...], Field(max_length=6)] = Field(
+        (), description="Mirrors and periodic edges."
+    )
+    fluids: Annotated[tuple[FluidField, ...], Field(min_length=1, max_length=MOST_FLUIDS)] = Field(
         description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
     )
-    bodies: Annotated[tuple[Body, ...], Field(max_length=MOST_BODIES)] = Field((), description="Rigid bodies.")
+    bodies: Annotated[tuple[BodyField, ...], Field(max_length=MOST_BODIES)] = Field((), description="Rigid bodies.")
     wave_maker: WaveMaker | None = Field(None, description="A paddle that makes waves; it is the last of the bodies.")
     damping_zones: Annotated[tuple[DampingZone, ...], Field(max_length=MOST_GAUGES)] = Field(
         (), description="Zones in which waves are damped."
@@ -220,7 +224,7 @@ class Scene(Part):
         (), description="What passes lines, in 3-D rectangles."
     )
     warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
-    run: Run = Field(description="When to stop, and how far a step reaches.")
+    run: RunField = Field(description="When to stop, and how far a step reaches.")
     output: Output = Field(Output(), description="What is written while the scene runs.")
     allow: tuple[Literal["low_sound_speed"], ...] = Field((), description="Refusals to turn into warnings [-].")
 
@@ -272,7 +276,7 @@ class Scene(Part):
             data["bodies"].pop()  # the paddle, which comes of it
         return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 
-    def _paddle(self, maker: WaveMaker) -> Body:
+    def _paddle(self, maker: WaveMaker) -> BodyField:
         """The paddle of a wave maker as a body, whose motion is found when it is placed."""
         thickness, low = maker.thickness or 6.0 * self.spacing, max(maker.bed, maker.hinge or maker.bed)
         left, right, high = maker.x - thickness, maker.x, maker.upper_edge
@@ -284,7 +288,7 @@ class Scene(Part):
             # Its back is cut away below, so that it does not turn into the bed.
             cut = low + 0.3 * thickness
             shape = {"polygon": ((right, low), (right, high), (left, high), (left, cut))}
-        body = Body.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
+        body = BodyField.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
         motion = BodyMotion.model_construct(kind="waves")
         return body.model_copy(update={"motion": motion})
 
@@ -442,13 +446,13 @@ def _strange_to_instruments(scene: Scene) -> Iterator[tuple[str, str]]:
                 yield f"{kind}[{i}].observed.quantity", f"no column is named '{wanted}'{nearest(wanted, names)}"
 
 
-def _yielding(scene: Scene) -> dict[str, Rheology]:
+def _yielding(scene: Scene) -> dict[str, RheologyField]:
     """The laws with a yield stress, by material."""
     laws = {name: material.rheology for name, material in scene.materials.items()}
     return {name: law for name, law in laws.items() if law and law.yield_stress is not None}
 
 
-def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
+def _impossible_start(scene: Scene, body: BodyField) -> Iterator[tuple[str, str]]:
     """(path, message) where a body is to move as it cannot."""
     for i, lock in enumerate(body.locked):
         if lock not in LOCKS[scene.dimensions]:

@@ -17,7 +17,7 @@ from warpsph.state import State
 from warpsph.step.bodies import Coupling
 
 
-class Dummies:
+class DummyLists:
     """The dummies of a state: those of walls, in the order of its model's, then those of bodies.
 
     Attributes:

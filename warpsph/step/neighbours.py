@@ -11,7 +11,7 @@ from warpsph.kernels import neighbours as kernels
 from warpsph.model import Model
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
-from warpsph.step.dummies import Dummies
+from warpsph.step.dummies import DummyLists
 from warpsph.step.ghosts import Ghosts
 
 
@@ -46,7 +46,7 @@ class Neighbours:
         self.wall_list = wp.zeros(1024, dtype=int, device=device)
         self.rebuilds = 0
         self.ghosts = Ghosts(model, state, self.cells, self.neighbour_count) if model.images else None
-        self.dummies = Dummies(model, state, self.cells, bodies) if model.has_dummies else None
+        self.dummies = DummyLists(model, state, self.cells, bodies) if model.has_dummies else None
         self._record()
         self._permute = self._record_permutation()
 
