@@ -11,6 +11,9 @@ that moves with the wall. Volume is by the state equation from p_d. Fluid that i
 Of a wall above water nothing may be seen: dummies there, with p_d = 0, push the edge of water at rest down and off the
 wall. A tank of ten rows began to move with 0.14 g in its upper corners and swung at 3 % of sqrt(g H); it is 0.2 % since
 a dummy counts only as far as the water around has the head to reach it (`reached`; measured while this was built).
+
+Viscosity finds another velocity there, by `carry_velocity_kernel`: continuity asks whether the wall moves, friction how
+fast fluid would go there if it went on.
 """
 
 from functools import cache
@@ -159,6 +162,69 @@ def press_dummies_kernel(smoothing: str, dimensions: int) -> wp.Kernel:
         power_out[d] = power
 
     return press_dummies
+
+
+# Fluid counts as this far off a wall at least when its shear is asked for, in spacings.
+LEAST_OFF = wp.constant(0.25)
+# The viscosity of a dummy before fluid that has none, so that it is not taken for one that lets fluid slip [Pa s].
+LEAST_VISCOSITY = wp.constant(1.0e-30)
+
+
+@cache
+def carry_velocity_kernel(smoothing: str) -> wp.Kernel:
+    """A kernel that carries the velocity and the viscosity of the fluid on into walls to which it sticks.
+
+    The velocity is extrapolated through that of the wall, by the slope that fits the fluid around best:
+
+        u_d = u_wall - depth_d sum_f d_f (u_f - u_wall) W_df / sum_f d_f^2 W_df,    mu_d = sum_f mu_f W_df / sum_f W_df
+
+    d_f being the distance off the wall: exact where velocity is linear, wherever particles stand. Adami, Hu & Adams
+    (2012) eq 23 have 2 u_wall - sum_f u_f W_df / sum_f W_df, which is not.
+    """
+    shape = SMOOTHING[smoothing].shape
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def carry_velocity(
+        first: int,
+        parameters: Parameters,
+        position_volume: wp.array[wp.vec4],
+        packed_velocity: wp.array[wp.vec4],
+        position: wp.array[wp.vec3],
+        velocity: wp.array[wp.vec3],
+        to_wall: wp.array[wp.vec3],
+        fluid_first: wp.array[int],
+        fluid_list: wp.array[int],
+        packed_velocity_out: wp.array[wp.vec4],
+    ):
+        """(u, v, w, mu) of dummy d, in a plane (u, x, w, mu); mu is 0 where `to_wall` is, which lets fluid slip.
+
+        `to_wall` leads from each dummy to the wall's nearest point [m].
+        """
+        d = first + wp.tid()
+        x_d, u_d, way = position[d], velocity[d], to_wall[d]
+        depth = wp.length(way)
+        u, mu = wp.vec3(u_d[0], u_d[1], u_d[2]), float(0.0)
+        if depth > 0.0:
+            n = way / depth
+            shear, squares, viscous, weight = wp.vec3(), float(0.0), float(0.0), float(0.0)
+            for k in range(fluid_first[d], fluid_first[d + 1]):
+                f = fluid_list[k]
+                xV_f, up_f = position_volume[f], packed_velocity[f]
+                x_fd = wp.vec3(xV_f[0], xV_f[1], xV_f[2]) - x_d
+                u_f = wp.vec3(up_f[0], wp.where(parameters.dimensions == 2, 0.0, up_f[1]), up_f[2])
+                W = shape(wp.length(x_fd) * parameters.inverse_h)
+                off = wp.max(wp.dot(n, x_fd) - depth, 0.0)
+                shear += W * off * (u_f - u_d)
+                squares += W * off * off
+                viscous += W * up_f[3]
+                weight += W
+            if weight > 0.0:
+                least = LEAST_OFF / parameters.inverse_spacing
+                u = u_d - depth / wp.max(squares, least * least * weight) * shear
+                mu = wp.max(viscous / weight, LEAST_VISCOSITY)
+        packed_velocity_out[d] = wp.vec4(u[0], wp.where(parameters.dimensions == 2, x_d[0], u[1]), u[2], mu)
+
+    return carry_velocity
 
 
 # A wall that is accelerated more compresses a spacing of fluid by more than this: it is struck.

@@ -95,7 +95,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
     load, packed, entry = layout.load[formulas.dimensions], layout.packed, layout.entry
     moments_with, gradient_with = MOMENTS_WITH[formulas.dimensions], GRADIENT_WITH[formulas.dimensions]
-    in_space, on_top = formulas.dimensions == 3, formulas.xsph
+    in_space, on_top, walled = formulas.dimensions == 3, formulas.xsph, formulas.walled
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def shifting(
@@ -123,7 +123,7 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
         while k < end:
             j = entry(neighbour_list, i, k)
             x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, velocity_pressure, j)
-            # An image, behind the particles, has no cover of its own.
+            # An image or a wall, behind the particles, has no cover of its own.
             cover_j = wp.where(j < particle_count, cover[wp.min(j, particle_count - 1)], cover_i)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
@@ -133,8 +133,12 @@ def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kerne
             repel = s * (1.0 + PAIRING * f * f * f * f)
             fall = s * (cover_i - cover_j)
             surface += wp.where(s < 0.0 and cover_j < SURFACE, 1.0, 0.0)
-            M = moments_with(M, s, x, y, z)
-            L = gradient_with(L, s, u, v, w, x, y, z)
+            shears = float(s)
+            if wp.static(walled):
+                # How fast a wall goes says nothing of the shear of fluid that slips along it.
+                shears = wp.where(j < particle_count, s, 0.0)
+            M = moments_with(M, shears, x, y, z)
+            L = gradient_with(L, shears, u, v, w, x, y, z)
             outward_x += fall * x
             outward_z += fall * z
             crowd_x += repel * x

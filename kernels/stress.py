@@ -24,18 +24,23 @@ from .layout import CPU_LAYOUT, Layout, compiler_options, high, low
 from .parameters import Parameters
 from .rheology import deviator, isotropic, magnitude
 from .smoothing import SMOOTHING
-from .viscosity import MEAN
+from .viscosity import MEAN, unless_it_slips
 
 
 @cache
 def velocity_gradient_kernel(
-    smoothing: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str,
+    dimensions: int = 3,
+    layout: Layout = CPU_LAYOUT,
+    with_images: bool = False,
+    walled: bool = False,
 ) -> wp.Kernel:
     """The pair loop of the velocity gradient.
 
         L_i = (sum_j V_j (u_j - u_i) (x) grad_i W_ij) B_i,    L_ab = d u_a / d x_b
 
-    with B_i of Vasco (2014) eq 54: exact for linear velocities, at a surface and in disorder.
+    with B_i of Vasco (2014) eq 54: exact for linear velocities, at a surface and in disorder. Where it is `walled` rows
+    end with dummy particles, and the fourth number of the packed velocity is a viscosity.
     """
     slope, moments_with, gradient_with = SMOOTHING[smoothing].slope, MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
     load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
@@ -57,7 +62,7 @@ def velocity_gradient_kernel(
         velocity_gradient_out: wp.array[wp.mat33],
         second_moment_out: wp.array[float],
     ):
-        """L_i [1/s], and tr M_i / d. Behind the velocity anything may be packed; `place` is `position_volume`."""
+        """L_i [1/s], and tr M_i / d. Behind velocities anything may be packed; `place` is `position_volume`."""
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, u_i, v_i, w_i, _p_i = load(position_volume, packed_velocity, i)
 
@@ -65,10 +70,12 @@ def velocity_gradient_kernel(
         k, end = int(0), int(inner_count[i])
         while k < end:
             j = entry(neighbour_list, i, k)
-            x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, mu_j = load(position_volume, packed_velocity, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             u, v, w = u_i - u_j, v_i - v_j, w_i - w_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            if wp.static(walled):
+                s = unless_it_slips(particle_count, j, mu_j, s)
             M = moments_with(M, s, x, y, z)
             L = gradient_with(L, s, u, v, w, x, y, z)
             k += 1
@@ -98,7 +105,12 @@ def velocity_gradient_kernel(
 
 @cache
 def yielding_kernel(
-    smoothing: str, mean: str, dimensions: int = 3, layout: Layout = CPU_LAYOUT, with_images: bool = False
+    smoothing: str,
+    mean: str,
+    dimensions: int = 3,
+    layout: Layout = CPU_LAYOUT,
+    with_images: bool = False,
+    walled: bool = False,
 ) -> wp.Kernel:
     """The pair loop of the stress that acts between pairs, and whether it is above the yield stress.
 
@@ -139,11 +151,16 @@ def yielding_kernel(
         k, end = int(0), int(inner_count[i])
         while k < end:
             j = entry(neighbour_list, i, k)
-            x_j, y_j, z_j, V_j, u_j, v_j, w_j, _p_j = load(position_volume, packed_velocity, j)
+            x_j, y_j, z_j, V_j, u_j, v_j, w_j, packed_j = load(position_volume, packed_velocity, j)
             x, y, z = x_i - x_j, y_i - y_j, z_i - z_j
             s = V_j * slope(wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h)
+            mu_j = float(packed_j)
+            if wp.static(walled):
+                s = unless_it_slips(particle_count, j, packed_j, s)
+            else:
+                mu_j = viscosity[j]
             M = moments_with(M, s, x, y, z)
-            G = gradient_with(G, s * between(mu_i, viscosity[j]), u_i - u_j, v_i - v_j, w_i - w_j, x, y, z)
+            G = gradient_with(G, s * between(mu_i, mu_j), u_i - u_j, v_i - v_j, w_i - w_j, x, y, z)
             k += 1
 
         if wp.static(with_images):
@@ -262,6 +279,7 @@ def stress_acceleration_kernel(
     layout: Layout = CPU_LAYOUT,
     with_images: bool = False,
     balanced: bool = False,
+    walled: bool = False,
 ) -> wp.Kernel:
     """The pair loop of the divergence of the stress T = mu (grad u + grad u^T - (2 / d) (div u) I) = mu grad u + S.
 
@@ -271,7 +289,8 @@ def stress_acceleration_kernel(
     that it means; the second is eq 99. Eq 100 for all of T is blind to a velocity that alternates from particle to
     particle: it has no gradient there, and whatever has made it, a wall for one, it stays. In a linear flow of one
     viscosity both are the same. Rigid rotation is left alone, and a free surface feels no stress. Where it is
-    `balanced` s_ij has the factor of balance.py.
+    `balanced` s_ij has the factor of balance.py. Where it is `walled` rows end with dummy particles: S goes on into a
+    wall as it is before it.
     """
     slope, between, balance_of = SMOOTHING[smoothing].slope, MEAN[mean], BALANCE[dimensions]
     load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
@@ -316,8 +335,12 @@ def stress_acceleration_kernel(
             if wp.static(balanced):
                 b_jx, b_jy, b_jz = balance_of(balance, j)
                 s *= balance_factor(b_x - b_jx, b_y - b_jy, b_z - b_jz, x, y, z)
+            stressed = int(j)
+            if wp.static(walled):
+                s = unless_it_slips(particle_count, j, mu_j, s)
+                stressed = wp.where(j < particle_count, j, i)
             mu = 2.0 * between(mu_i, mu_j)
-            xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, j)
+            xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, stressed)
             stress_x += s * ((xx_i + xx) * x + (xz_i + xz) * z + mu * u)
             stress_z += s * ((zx_i + zx) * x + (zz_i + zz) * z + mu * w)
             if wp.static(spatial):

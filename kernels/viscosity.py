@@ -6,7 +6,8 @@ Two ways. The pair forms of VISCOSITY take the difference of two velocities at o
 Pair loops read (x, y, z, V) and (u, v, w, mu), packed as those of rates.py: in a plane x lies beside u, in the place of
 v. Beyond the particles of a row come the ghosts that mirrors and periodic edges show of particles, each with the
 velocity that `velocity_beyond` gives it; they are worked out from their particles in the loop, so that the stages of a
-step never wait for ghosts.
+step never wait for ghosts. Or it is the dummy particles of walls that come, with the velocity and viscosity that
+`carry_velocity_kernel` packed for them; those with a viscosity of 0 belong to walls that let fluid slip.
 """
 
 from collections.abc import Mapping
@@ -59,6 +60,12 @@ def harmonic(mu_i: float, mu_j: float) -> float:
 MEAN: Mapping[str, wp.Function] = {"arithmetic": arithmetic, "harmonic": harmonic}
 
 
+@wp.func
+def unless_it_slips(particle_count: int, j: int, mu_j: float, s: float) -> float:
+    """The weight of a pair, and 0 for a dummy of a wall that lets fluid slip."""
+    return wp.where(j < particle_count, s, wp.where(mu_j > 0.0, s, 0.0))
+
+
 @cache
 def viscous_acceleration_kernel(
     smoothing: str,
@@ -68,13 +75,14 @@ def viscous_acceleration_kernel(
     layout: Layout = CPU_LAYOUT,
     with_images: bool = False,
     balanced: bool = False,
+    walled: bool = False,
 ) -> wp.Kernel:
     """The pair loop of viscosity.
 
         du_i/dt = 1 / rho_i sum_j V_j s_ij F(mu_ij, u_ij, x_ij),    grad_i W_ij = s_ij x_ij
 
     with F of VISCOSITY and mu_ij of MEAN. As (1/r) dW/dr = s_ij, eq 99 needs no 0.01 h^2 beside r^2. Where it is
-    `balanced` s_ij has the factor of balance.py.
+    `balanced` s_ij has the factor of balance.py; where it is `walled` rows end with dummy particles.
     """
     slope = SMOOTHING[smoothing].slope
     force, between, balance_of = VISCOSITY[form], MEAN[mean], BALANCE[dimensions]
@@ -118,6 +126,8 @@ def viscous_acceleration_kernel(
             if wp.static(balanced):
                 b_jx, b_jy, b_jz = balance_of(balance, j)
                 s *= balance_factor(b_x - b_jx, b_y - b_jy, b_z - b_jz, x, y, z)
+            if wp.static(walled):
+                s = unless_it_slips(particle_count, j, mu_j, s)
             A, B = force(between(mu_i, mu_j), dimensions, u * x + v * y + w * z, r2)
             viscous_x += s * (A * u + B * x)
             viscous_y += s * (A * v + B * y)

@@ -19,7 +19,7 @@ from warpsph.placement.dummies import layer_count
 from warpsph.placement.images import find_edges
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
-from warpsph.rheology import viscous
+from warpsph.rheology import Viscous, viscous
 from warpsph.scene.scene import Scene, wants_lists
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
@@ -182,7 +182,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
     a_particle += 4.0  # first wall point
     if law:
         a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
-        a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced
+        a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced + 16.0 * has_dummies(scene)
         a_particle += 52.0 * (law.stages > 1) + 16.0 * (scene.dimensions**2 // 3 if law.form == "stress" else 0)
     if scene.neighbours != "cells":
         a_particle += 4.0 + 4.0 * list_capacity(scene)[0]
@@ -203,12 +203,17 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle * counts.particles
         + a_cell * math.prod(grid.count)
         + (4.0 * math.prod(grid.count) if scene.images else 0.0)
-        + (200.0 if has_dummies(scene) else 60.0) * counts.walls
+        + (_a_dummy(law) if has_dummies(scene) else 60.0) * counts.walls
         + (5.0 * math.prod(grid.count) if has_dummies(scene) else 0.0)
         + 4.0 * 1.25 * near * counts.wet
         + a_body * counts.bodies
         + 76.0 * 1.25 * counts.ghosts
     )
+
+
+def _a_dummy(law: Viscous | None) -> float:
+    """Bytes of a dummy particle of a wall."""
+    return 224.0 + (16.0 * (2 + (law.stages > 1)) if law else 0.0)
 
 
 def _in_cap(scene: Scene, radius: float) -> float:

@@ -59,6 +59,7 @@ class Model:
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count].
         wall_before, wall_after: From each point to its neighbours on the wall [m], 0 where it ends, shape [wall_count].
         wall_volume: What each fills behind the wall, of dummy particles [m3, in 2-D m2], shape [wall_count].
+        wall_way: From each dummy particle to its wall's nearest point [m], 0 where fluid slips, shape [wall_count].
         wall_line: Points on the walls themselves [m], and unit normals as of `wall_normal`, on the host.
         wall_start: Slots of the wall points of each cell, as in `Cells.start`.
         near_wall: Whether wall points may be on the list of a particle in a cell, shape [cell_count].
@@ -123,6 +124,8 @@ class Model:
         ways = (placement.wall_normal, placement.wall_before, placement.wall_after)
         if self.has_dummies:
             self.wall_volume = wp.array(placement.dummies.volume[order], dtype=float, device=device)
+            sticks = 1.0 if scene.wall_model.slip == "none" else 0.0
+            self.wall_way = vectors(sticks * placement.dummies.to_wall)
             ways, order = (np.empty((0, 3)),) * 3, order[:0]
         self.wall_normal, self.wall_before, self.wall_after = map(vectors, ways)
         self.wall_velocity = wp.zeros_like(self.wall_position)

@@ -19,7 +19,12 @@ from warpsph.kernels.artificial_viscosity import ARTIFICIAL_VISCOSITY
 from warpsph.kernels.balance import balance_kernel
 from warpsph.kernels.corrections import CORRECTION, density_filter_kernel
 from warpsph.kernels.density import DENSITY_DIFFUSION, pressure_gradient_kernel
-from warpsph.kernels.dummies import list_dummies_kernel, load_dummies_kernel, press_dummies_kernel
+from warpsph.kernels.dummies import (
+    carry_velocity_kernel,
+    list_dummies_kernel,
+    load_dummies_kernel,
+    press_dummies_kernel,
+)
 from warpsph.kernels.gauges import volume_fraction_kernel
 from warpsph.kernels.images import list_ghosts_kernel
 from warpsph.kernels.instruments import probe_kernel
@@ -71,6 +76,7 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     list_ghosts_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     list_dummies_kernel: [(CUDA_LAYOUT,), (CPU_LAYOUT,)],
     press_dummies_kernel: list(product(SMOOTHING, (2, 3))),
+    carry_velocity_kernel: [(name,) for name in SMOOTHING],
     load_dummies_kernel: list(product(SMOOTHING, ARTIFICIAL_VISCOSITY)),
     pack_kernel: [(name,) for name in SMOOTHING],
     pressure_gradient_kernel: [(name, CUDA_LAYOUT) for name in SMOOTHING],
@@ -91,22 +97,26 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
     ],
     velocity_gradient_kernel: [
         *((name, 2, CUDA_LAYOUT) for name in SMOOTHING),
+        ("wendland_c2", 3, CUDA_LAYOUT, False, True),
         *(("wendland_c2", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
     ],
     viscous_acceleration_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, VISCOSITY, MEAN)),
         *(("wendland_c2", *choice, CUDA_LAYOUT, True) for choice in product(VISCOSITY, MEAN, (2, 3))),
+        ("wendland_c2", "morris", "harmonic", 3, CUDA_LAYOUT, False, False, True),
         *(("wendland_c2", "morris", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
     ],
     stress_acceleration_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True, True) for dimensions in (2, 3)),
+        ("wendland_c2", "harmonic", 3, CUDA_LAYOUT, False, False, True),
     ],
     transposed_stress_kernel: [(2,), (3,)],
     yielding_kernel: [
         *((*choice, 2, CUDA_LAYOUT) for choice in product(SMOOTHING, MEAN)),
         *(("wendland_c2", "harmonic", dimensions, CUDA_LAYOUT, True) for dimensions in (2, 3)),
+        ("wendland_c2", "harmonic", 3, CUDA_LAYOUT, False, True),
     ],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
     copy_kernel: STATE_TYPES,

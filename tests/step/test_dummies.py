@@ -165,7 +165,7 @@ def test_what_does_not_know_dummies_is_refused(make_scene):
     mirror = "[{name: m, mirror: {point: [0.0, 0.0], normal: [1.0, 0.0]}}]"
     with pytest.raises(SceneError, match="neighbours: lists are needed for walls of dummy particles"):
         make_scene(TANK, "neighbours=cells")
-    for path, value in (("images", mirror), ("shifting.model", "fickian")):
+    for path, value in (("images", mirror), ("viscosity.weights", "balanced")):
         with pytest.raises(SceneError, match=f"{path}: walls of dummy particles do not know this yet"):
             make_scene(TANK, f"{path}={value}")
 

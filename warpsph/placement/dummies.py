@@ -38,14 +38,16 @@ class Dummies:
         position: [m], shape [n, 3].
         volume: Of the strip behind the wall that each fills [m3, in 2-D m2], shape [n].
         wall: Index into the scene's walls, shape [n].
+        to_wall: From each to the nearest point of its wall [m], shape [n, 3].
     """
 
     position: Array
     volume: Array
     wall: NDArray[np.int64]
+    to_wall: Array
 
 
-NO_DUMMIES = Dummies(np.empty((0, 3)), np.empty(0), np.empty(0, dtype=np.int64))
+NO_DUMMIES = Dummies(np.empty((0, 3)), np.empty(0), np.empty(0, dtype=np.int64), np.empty((0, 3)))
 
 
 def place_dummies(
@@ -83,8 +85,21 @@ def place_dummies(
             np.concatenate([found.position, points[fresh]]),
             np.concatenate([found.volume, volume[fresh]]),
             np.concatenate([found.wall, np.full(int(fresh.sum()), index)]),
+            np.concatenate([found.to_wall, _to_wall(wall, points[fresh], dx)]),
         )
     return found
+
+
+def _to_wall(wall: Sheet | Crate, points: Array, dx: float) -> Array:
+    """From each of `points` to the nearest point of a wall [m], shape [n, 3]: against the slope of the distance."""
+    step = 1e-3 * dx
+    ways = np.zeros_like(points)
+    for axis in range(3):
+        aside = np.zeros(3)
+        aside[axis] = step
+        ways[:, axis] = wall.distance(points - aside) - wall.distance(points + aside)
+    length = np.linalg.norm(ways, axis=1)
+    return ways * (wall.distance(points) / np.where(length > 0.0, length, 1.0))[:, None]
 
 
 def dummies_of_outline(outline: Outline, dx: float, reach: float) -> tuple[Array, Array]:

@@ -57,11 +57,11 @@ class Wall(Part):
 
 
 # What suits a law that pushes: still water rests about where it is drawn.
-_WALL_LAWS: Mapping[str, Mapping[str, float]] = {
-    "radial": {"refinement": 3.0, "set_back": 0.95},
-    "lennard_jones": {"refinement": 3.0, "set_back": 0.3},
-    "monaghan_kos": {"refinement": 3.0, "set_back": 0.8},
-    "monaghan_kos_issa": {"refinement": 3.0, "strength": 0.02, "set_back": 1.35},
+_WALL_LAWS: Mapping[str, Mapping[str, float | str]] = {
+    "radial": {"refinement": 3.0, "set_back": 0.95, "slip": "free"},
+    "lennard_jones": {"refinement": 3.0, "set_back": 0.3, "slip": "free"},
+    "monaghan_kos": {"refinement": 3.0, "set_back": 0.8, "slip": "free"},
+    "monaghan_kos_issa": {"refinement": 3.0, "strength": 0.02, "set_back": 1.35, "slip": "free"},
 }
 
 
@@ -90,6 +90,13 @@ class WallModel(Part):
         "lennard_jones, 0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
     )
 
+    slip: Literal["none", "free"] = Field(
+        "none",
+        description="How fluid with a viscosity of its own goes along dummy_particles [-]: none, it sticks to walls, "
+        "or free, as along walls of other laws when absent. It slips along bodies too, and where it has no viscosity; "
+        "there wall_alpha of its material makes it rub.",
+    )
+
     @model_validator(mode="before")
     @classmethod
     def _suit_the_law(cls, data: Any) -> Any:
@@ -101,6 +108,12 @@ class WallModel(Part):
         for name in ("refinement", "strength", "set_back") if self.force == "dummy_particles" else ():
             if getattr(self, name) != type(self).model_fields[name].default:
                 raise fault("means nothing to dummy_particles, which have nothing to tune", name)
+        return self
+
+    @model_validator(mode="after")
+    def _sticks_to_dummies(self) -> WallModel:
+        if self.slip == "none" and self.force != "dummy_particles":
+            raise fault(f"none goes with dummy_particles; {self.force} lets fluid slip", "slip")
         return self
 
     @model_validator(mode="after")

@@ -419,10 +419,8 @@ def _strange_to_dummies(scene: Scene) -> Iterator[tuple[str, str]]:
         "images": bool(scene.images),
         "density_diffusion.model": scene.density_diffusion.model == "antuono",
         "density_filter.model": scene.density_filter.model != "none",
-        "shifting.model": scene.shifting.model != "none",
+        "viscosity.weights": scene.viscosity.weights == "balanced",
     }
-    for name, material in scene.materials.items():
-        strange[f"materials.{name}"] = bool(material.viscosity)
     for path, is_there in strange.items():
         if is_there:
             yield path, "walls of dummy particles do not know this yet; take another wall_model.force"

@@ -70,6 +70,7 @@ class WeaklyCompressible:
             self._filter,
             act("walls", walls.press),  # the fluid's pressure, carried on into walls that are dummy particles
             act("work of walls", partial(walls.book, 1.0)),
+            *self.viscosity.see_walls(),
             act("pressure gradient", fluid.pressure_gradient),
             # Pressure, viscosity, tensile correction, diffusion of density; then the reactive walls, and bodies.
             act("pair loop: forces, walls", fluid.forces, walls.push, self.viscosity.prepare),
@@ -122,6 +123,7 @@ class WeaklyCompressible:
         return [
             act("walls", walls.press),
             act("work of walls", partial(walls.book, weight)),
+            *self.viscosity.see_walls(),
             act("pressure gradient", fluid.pressure_gradient),
             act("cover", fluid.cover),
             act("pair loop: rates, walls", fluid.sweep, fluid.shift, walls.push, self.viscosity.prepare),

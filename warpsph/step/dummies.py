@@ -35,6 +35,9 @@ class DummyLists:
         self.count = self._at_rest + self._moving
         state.make_room(self.count)
         room = model.wall_volume.numpy()
+        way = np.zeros((self.count, 3), dtype=np.float32)  # bodies let fluid slip
+        way[: self._at_rest] = model.wall_way.numpy()
+        self._to_wall = wp.array(way, dtype=wp.vec3, device=device)
         if bodies:
             room = np.concatenate([room, *(solid.body.surface.shares for solid in bodies.solids)])
         self._room = wp.array(room, dtype=float, device=device)
@@ -131,6 +134,18 @@ class DummyLists:
         if self._bodies:
             self._move()
         self._press()
+
+    def carry_velocity(self, packed_velocity: wp.array) -> Launch:
+        """The launch that gives the dummies (u, v, w, mu) of the fluid, behind those of the particles."""
+        m, s, n = self._model, self._state, self._model.particle_count
+        return m.launcher.record_in_order(
+            kernels.carry_velocity_kernel(m.scene.smoothing.kernel),
+            self.count,
+            [
+                *(m.parameters, s.position_volume, packed_velocity, self._position, self._velocity, self._to_wall),
+                *(self.first, self.list, alias(packed_velocity[n:], wp.vec4, self.count)),
+            ],
+        )
 
     def take_loads(self) -> Callable[[], None]:
         """What finds the loads of the fluid on bodies, with the pressure that dummies have."""

@@ -16,7 +16,7 @@ from warpsph.kernels.shifting import change_with_place
 from warpsph.model import Model
 from warpsph.rheology import Viscous, legendre_stages
 from warpsph.state import State
-from warpsph.step.act import Stage
+from warpsph.step.act import Act, Stage, Together
 from warpsph.step.neighbours import Neighbours
 
 
@@ -28,8 +28,11 @@ class Viscosity:
     a step by sound costs the square root of what single sweeps would. The apparent viscosity of the velocity that is
     predicted for the middle of the step holds for all stages, so that L is linear.
 
+    Where walls are dummy particles, fluid sticks to them: before every sweep they are given its velocity anew.
+
     Attributes:
         velocity_viscosity: What the sweeps read, (u, v, w, mu), in a plane (u, x, w, mu); two in turn with stages.
+        seen_velocity: The same of `velocity_pressure`, with that of dummies; only the latter's mu means anything.
         material_viscosity: mu_i [Pa s].
         viscosity: The same over the second moment of W around the particle [Pa s].
         rate: L [m/s2], of the first stage and of the last.
@@ -45,7 +48,14 @@ class Viscosity:
         def zeros(dtype: type, wanted: bool = True) -> wp.array:
             return wp.zeros(count if wanted else 1, dtype=dtype, device=device)
 
-        self.velocity_viscosity = (zeros(wp.vec4), zeros(wp.vec4, by_stages))
+        self._dummies = neighbours.dummies
+        behind = self._dummies.count if self._dummies else 0
+
+        def packed(wanted: bool) -> wp.array:
+            return wp.zeros(count + behind if wanted else 1, dtype=wp.vec4, device=device)
+
+        self.velocity_viscosity = (packed(True), packed(by_stages))
+        self.seen_velocity = packed(behind > 0)
         self.material_viscosity = state.apparent_viscosity if self.viscous.law else zeros(float)
         self.viscosity, self.second_moment = zeros(float), zeros(float)
         self.rate = (zeros(wp.vec3), zeros(wp.vec3, by_stages))
@@ -75,9 +85,29 @@ class Viscosity:
 
     def arrays(self) -> list[wp.array]:
         """What it has allocated."""
-        mine = [*self.velocity_viscosity, *self.rate, *self.mean_rate, self.velocity_gradient, self.stress]
-        mine += [self.viscosity, self.second_moment, self.balance]
+        mine = [*self.velocity_viscosity, self.seen_velocity, *self.rate, *self.mean_rate, self.velocity_gradient]
+        mine += [self.stress, self.viscosity, self.second_moment, self.balance]
         return mine if self.viscous.law else [*mine, self.material_viscosity]
+
+    def see_walls(self) -> list[Act]:
+        """The acts by which walls are seen as fluid that goes on: with the velocity in `velocity_pressure`."""
+        if not self._dummies:
+            return []
+        launcher = self.model.launcher
+        return [
+            Together(launcher, "velocity that walls see", lambda: [self._see()]),
+            Together(launcher, "velocity of walls", lambda: [self._carry(self.seen_velocity)]),
+        ]
+
+    def _see(self) -> Launch:
+        """The launch that packs `seen_velocity`."""
+        named = {"viscosity": self.material_viscosity, "velocity_viscosity": self.seen_velocity}
+        return self._record(viscosity.with_viscosity, **named)
+
+    def _carry(self, packed_velocity: wp.array) -> Launch:
+        """The launch that gives dummies the velocity and viscosity that fluid would have there."""
+        assert self._dummies
+        return self._dummies.carry_velocity(packed_velocity)
 
     def prepare(self) -> list[Launch]:
         """Launches that may run beside the forces: the viscosity of each particle, and what the first sweep reads.
@@ -97,7 +127,7 @@ class Viscosity:
         """Launches that find the viscosity of each particle for the velocity in `velocity_pressure`."""
         viscous = self.viscous
         found = {"rheology": viscous.rheology, "viscosity": self.material_viscosity}
-        gradient = self._gradient(self.state.velocity_pressure)
+        gradient = self._gradient(self.seen_velocity if self._dummies else self.state.velocity_pressure)
         if viscous.law is None:
             return [gradient, self._record(viscosity.newtonian_viscosity, **found)]
         law = apparent_viscosity_kernel(viscous.law, viscous.regularisation)
@@ -112,13 +142,14 @@ class Viscosity:
         if self.viscous.law is None:
             return []
         tell = self._record(
-            stress.yielding_kernel(m.formulas.smoothing, self.viscous.mean, *self._flow),
-            packed_velocity=s.velocity_pressure,
+            stress.yielding_kernel(m.formulas.smoothing, self.viscous.mean, *self._flow, self._walled),
+            packed_velocity=self.seen_velocity if self._dummies else s.velocity_pressure,
             place=s.position_volume,
             viscosity=self.material_viscosity,
             yield_stress=self.viscous.rheology.yield_stress,
         )
-        return [*self._apparent(), tell]
+        seen = [self._see(), self._carry(self.seen_velocity)] if self._dummies else []
+        return [*seen, *self._apparent(), *seen, tell]
 
     def over(self, share: float = 1.0) -> ViscousAct:
         """The act that adds the acceleration by viscosity, over a `share` of the step."""
@@ -134,7 +165,8 @@ class Viscosity:
         if count == 1:
             *before, sweep = self._sweep(self.velocity_viscosity[0], self.rate[0])
             last = [self._add(self.rate[0]), *self._keep_balance()]
-            return {**self._named("viscosity, stress", before), "viscosity": chain(sweep, *last)}
+            walls = self._with_walls("viscosity", self.velocity_viscosity[0])
+            return {**walls, **self._named("viscosity, stress", before), "viscosity": chain(sweep, *last)}
         launches: dict[str, Stage] = {}
         for j, stage in enumerate(legendre_stages(count), 1):
             read, written = self.velocity_viscosity[(j + 1) % 2], self.velocity_viscosity[j % 2]
@@ -157,6 +189,7 @@ class Viscosity:
             )
             last = [self._add(mean), *self._keep_balance()] if j == count else []
             name = f"viscosity, stage {j} of {count}"
+            launches |= self._with_walls(name, read)
             launches |= {**self._named(f"{name}, stress", before), name: chain(sweep, update, *last)}
         return launches
 
@@ -170,6 +203,14 @@ class Viscosity:
     def _add(self, acceleration: wp.array) -> Launch:
         total = self.state.dissipative_acceleration
         return self._record(viscosity.add_acceleration, acceleration=acceleration, acceleration_inout=total)
+
+    @property
+    def _walled(self) -> bool:
+        """Whether rows of the lists end with dummies of walls."""
+        return self._dummies is not None
+
+    def _with_walls(self, name: str, packed_velocity: wp.array) -> dict[str, Stage]:
+        return self._named(f"{name}, walls", [self._carry(packed_velocity)]) if self._dummies else {}
 
     @property
     def _flow(self) -> tuple[int, Layout, bool]:
@@ -207,7 +248,7 @@ class Viscosity:
         reads = {"velocity_viscosity": velocity_viscosity, "place": place, "balance": self.balance}
         names = (m.formulas.smoothing, self.viscous.mean)
         if self.viscous.form == "stress":
-            kernel = stress.stress_acceleration_kernel(*names, *self._flow, self.viscous.balanced)
+            kernel = stress.stress_acceleration_kernel(*names, *self._flow, self.viscous.balanced, self._walled)
             transposed = stress.transposed_stress_kernel(m.formulas.dimensions)
             return [
                 self._gradient(velocity_viscosity),
@@ -216,12 +257,12 @@ class Viscosity:
             ]
         smoothing, mean = names
         kernel = viscosity.viscous_acceleration_kernel(
-            smoothing, self.viscous.form, mean, *self._flow, self.viscous.balanced
+            smoothing, self.viscous.form, mean, *self._flow, self.viscous.balanced, self._walled
         )
         return [self._record(kernel, viscous_acceleration=rate, **reads)]
 
     def _gradient(self, packed_velocity: wp.array) -> Launch:
-        kernel = stress.velocity_gradient_kernel(self.model.formulas.smoothing, *self._flow)
+        kernel = stress.velocity_gradient_kernel(self.model.formulas.smoothing, *self._flow, self._walled)
         return self._record(kernel, packed_velocity=packed_velocity, place=self.state.position_volume)
 
 
@@ -238,6 +279,10 @@ class ViscousAct:
 
 class NoViscosity:
     """Materials without a viscosity of their own."""
+
+    def see_walls(self) -> list[Act]:
+        """None."""
+        return []
 
     def prepare(self) -> list[Launch]:
         """None."""

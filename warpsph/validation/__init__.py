@@ -19,6 +19,7 @@ from warpsph.validation.bodies import measure_floating_box, measure_sinking_disc
 from warpsph.validation.dam_break import DAM_BREAKS as COLUMNS
 from warpsph.validation.dam_break import measure_dam_break
 from warpsph.validation.landslide import measure_landslide
+from warpsph.validation.misses import as_expected
 from warpsph.validation.reservoir import measure_reservoir
 from warpsph.validation.result import Result
 from warpsph.validation.still_water import measure_still_water
@@ -147,7 +148,7 @@ def run_case(name: str, scenes: Path, out: Path, *, device: str, threads: int | 
         runs.append(run)
     results = case.measure(runs[0]) if isinstance(case, Case) else case.measure(runs, out / name)
     seconds = time.perf_counter() - began
-    return [replace(result, case=name, seconds=round(seconds, 1)) for result in results]
+    return [replace(as_expected(name, result), case=name, seconds=round(seconds, 1)) for result in results]
 
 
 def print_table(results: Sequence[Result]) -> None:
