@@ -159,7 +159,7 @@ def new_plots(count: int, size: tuple[float, float] = (9.0, 4.2)) -> tuple[Figur
         figure.subplots_adjust(**AROUND)
     else:
         figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
-    plots = np.atleast_1d(figure.subplots(1, count))
+    plots: list[Axes] = list(np.atleast_1d(figure.subplots(1, count)))
     for axes in plots:
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set_color(GREY)

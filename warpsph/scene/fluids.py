@@ -88,7 +88,7 @@ class RheologyField(Part):
                 raise fault(f"goes with {' and '.join(laws)}, not with {self.law}", name)
         if self.regularisation and self.yield_stress is None:
             raise fault(f"goes with a yield stress, which {self.law} has not", "regularisation")
-        if self.law == "bingham" and self.viscosity_max < self.consistency:
+        if self.law == "bingham" and (self.viscosity_max or 0.0) < self.consistency:
             raise fault(f"must be at least the consistency, {self.consistency:g} Pa s", "viscosity_max")
         return self
 

@@ -149,6 +149,7 @@ class DummyLists:
 
     def take_loads(self) -> Callable[[], None]:
         """What finds the loads of the fluid on bodies, with the pressure that dummies have."""
+        assert self._bodies, "there are bodies, or nobody asks for their loads"
         add = self._bodies.set.sum_loads()
 
         def launch() -> None:
