@@ -400,6 +400,7 @@ def _check(options: argparse.Namespace) -> int:
     from warpsph.device.launch import Launcher
     from warpsph.forecast import forecast
     from warpsph.output.gauge_waves import read_observed
+    from warpsph.placement.sound import chosen_sound
 
     if options.picture and (options.picture.suffix != ".png" or not options.picture.absolute().parent.is_dir()):
         raise _InputError(f"{options.picture}: --picture needs a file that ends in .png, in a folder that is there")
@@ -427,6 +428,8 @@ def _check(options: argparse.Namespace) -> int:
         _print(f"  memory          {arrays} on the device, {memory.host / 1e6:,.0f} MB at most on the host")
     for name, (own, artificial) in facts.viscosities.items():
         _print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
+    for name, need in chosen_sound(scene).items():
+        _print(f"  sound speed     {name}: {need.advised:g} m/s, chosen {need.why}")
     if facts.viscous_stages:
         _print(f"  viscous sweeps  {facts.viscous_stages} a step")
     if scene.wave_maker:

@@ -10,6 +10,7 @@ from warpsph.device.launch import Launcher
 from warpsph.memory import Memory, counts_of, memory_of, with_neighbours
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
+from warpsph.placement.sound import with_sound
 from warpsph.rheology import kinematic_viscosities, viscous
 from warpsph.scene.scene import Scene, SceneError
 from warpsph.schemes.weakly_compressible import WeaklyCompressible
@@ -51,7 +52,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     taken from a coarse rehearsal: both go by speeds over that of sound and by motion over the spacing, so that they
     change little with the spacing.
     """
-    scene = with_neighbours(localised(scene), launcher.device)
+    scene = with_neighbours(localised(with_sound(scene)), launcher.device)
     placement = place_within(scene, launcher.device)
     start, law = Start.of(placement), viscous(scene, launcher.device)
     memory = memory_of(scene, counts_of(scene, placement), shared=launcher.device.is_cpu)

@@ -30,6 +30,7 @@ from warpsph.output.gauge_waves import read_observed
 from warpsph.output.progress import Progress, tell
 from warpsph.output.records import TIME_ROUNDING, Record, find_crest, is_rising, last_time, read_record
 from warpsph.output.writers import FILES, Outputs
+from warpsph.placement.sound import with_sound
 from warpsph.scene.scene import Scene
 from warpsph.simulation import BlowUpError, Simulation
 from warpsph.step.bodies import columns as body_columns
@@ -97,7 +98,8 @@ class Run:
         """
         self._began = time.perf_counter() if began is None else began
         folder = Path(folder)
-        self.scene, self.folder = scene, folder
+        self.scene = scene = with_sound(scene)
+        self.folder = folder
         columns = _columns(scene)
         paths = [f"{name}.csv" for name in columns]
         read_observed(scene)  # a report at the end would be too late to miss it

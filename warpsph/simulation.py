@@ -13,6 +13,7 @@ from warpsph.memory import counts_of, refuse_too_big, rough_counts, with_neighbo
 from warpsph.model import LEAST_COMPRESSION, MOST_COMPRESSION, Model
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement, Start, place
+from warpsph.placement.sound import with_sound
 from warpsph.rheology import Viscous, viscous
 from warpsph.scene.scene import Scene
 from warpsph.schemes.weakly_compressible import WeaklyCompressible
@@ -81,7 +82,7 @@ class Simulation:
             NoRoomError: there is not enough memory.
         """
         self.launcher = Launcher(device, threads)
-        self.scene = scene = with_neighbours(localised(scene), self.launcher.device)
+        self.scene = scene = with_neighbours(localised(with_sound(scene)), self.launcher.device)
         placement = placement or place_within(scene, self.launcher.device)
         self.start = Start.of(placement)
         self.model = Model(scene, placement, self.launcher)

@@ -1,14 +1,13 @@
-"""What can be run but was hardly meant, told as warnings with the number that would do; and sound that is too slow."""
+"""What can be run but was hardly meant, told as warnings with the number that would do."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpsph.placement.bodies import Solid, top_speed
+from warpsph.placement.bodies import Solid
 from warpsph.placement.images import Edge
 from warpsph.scene.scene import Scene, SceneError
 from warpsph.shapes.outline import Array
@@ -16,59 +15,12 @@ from warpsph.shapes.surface import BLOCK, Crate, Sheet, around
 
 # A gauge reads the volume fraction, which a wall or a body cuts off within this many spacings.
 GAUGE_REACH = 1.5
-# A dam break of 1 m onto a reactive wall went through its corner at 7.03 times that speed in one of three spacings, and
-# at 7.15 times and more in none of nineteen runs.
-SOUND_OVER_SPEED = 7.15
-# Stiffness rho c^2 of a light fluid over the weight of the heavy one beside it: less than the first is squeezed out of
-# all proportion, less than the second by more than 2 %.
-LEAST_STIFFNESS, ADVISED_STIFFNESS = 5.0, 50.0
 # Water of fewer rows of particles has no inside.
 LEAST_ROWS = 5
 # Lighter than this is no liquid, heavier no gas [kg/m3].
 LIGHTEST_LIQUID = 25.0
 # The bed is looked for in at most so many columns.
 MOST_COLUMNS = 20_000_000
-
-
-def slow_sound(scene: Scene, drop: float, solids: Sequence[Solid]) -> list[str]:
-    """Warnings about every material whose speed of sound is low for a fall through `drop` [m], or a body that is moved.
-
-    Density strays by about the square of the Mach number: 4 % at a fifth of the speed of sound, 1 % at a tenth.
-    Raises SceneError below five times that speed, unless the scene allows "low_sound_speed".
-    """
-    moved = max((top_speed(solid)[0] for solid in solids), default=0.0)
-    used = {fluid.material: scene.materials[fluid.material] for fluid in scene.fluids}
-    heaviest = max(used, key=lambda name: used[name].density)
-    found: list[tuple[str, bool, str]] = []
-    for name, material in used.items():
-        starts = [math.hypot(*fluid.velocity) for fluid in scene.fluids if fluid.material == name]
-        starts += [math.hypot(*body.velocity) for body in scene.bodies if body.velocity]
-        fall = math.sqrt(2.0 * scene.gravity * drop + max(starts) ** 2)
-        speed, c = max(fall, moved), material.sound_speed
-        path = f"materials.{name}.sound_speed"
-        if c < SOUND_OVER_SPEED * speed:
-            is_refused, least = c < 5.0 * speed, _round_up(5.0 * speed)
-            why = f"a body that is moved at {moved:.3g} m/s"
-            if fall >= moved:
-                why = f"a drop of {drop:.3g} m{f' begun at {max(starts):.3g} m/s' if max(starts) else ''}"
-            words = f"low for {why}; at least {least:g} m/s is needed (and {2 * least:g} advised)"
-            found.append((path, is_refused, words))
-        # A light fluid is pressed by what a heavy one weighs, and is as stiff as its own density makes it.
-        weight = used[heaviest].density * scene.gravity * drop
-        if material.density < used[heaviest].density and material.density * c**2 < ADVISED_STIFFNESS * weight:
-            least = _round_up(math.sqrt(LEAST_STIFFNESS * weight / material.density))
-            advised = _round_up(math.sqrt(ADVISED_STIFFNESS * weight / material.density))
-            words = f"low to carry {drop:.3g} m of '{heaviest}', {used[heaviest].density:g} kg/m3, beside "
-            words += f"{material.density:g} kg/m3; at least {least:g} m/s is needed (and {advised:g} advised)"
-            found.append((path, material.density * c**2 < LEAST_STIFFNESS * weight, words))
-    warnings = []
-    for path, is_refused, words in found:
-        c = used[path.split(".")[1]].sound_speed
-        error = scene.error(path, f"{c:g} m/s is {'too ' if is_refused else ''}{words}")
-        if is_refused and "low_sound_speed" not in scene.allow:
-            raise error
-        warnings.append(str(error))
-    return warnings
 
 
 def doubts_of(
@@ -243,12 +195,6 @@ def _without_ground(sites: Array, corner: Array, lowest: Array, spacing: float) 
     beyond = np.any((place < 0) | (place >= lowest.shape), axis=1)
     i, k = np.clip(place, 0, np.array(lowest.shape) - 1).T
     return beyond | (sites[:, 2] < lowest[i, k])
-
-
-def _round_up(value: float) -> float:
-    """The next number of three digits."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return math.ceil(value / unit - 1e-9) * unit
 
 
 def count_of(points: Array, what: Callable[[Array], NDArray[np.bool_]]) -> tuple[int, int]:

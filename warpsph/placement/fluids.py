@@ -46,7 +46,7 @@ class Sites:
         volume: Of each [m3, in 2-D m2], so that all of them have that of the drawing.
         cut: Those in cells that a wall cuts, which stand in disorder, shape [n].
         mirrors: Planes that close a fill off where there is no wall, its level first: a normal and an offset [m] each.
-        holds: Whether each of some points [n, 3] lies in the fluid as drawn, shape [n]; none for a shape.
+        holds: Whether each of some points [n, 3] lies in the fluid as drawn, shape [n].
         warnings: What is doubtful, a line each.
     """
 
@@ -55,7 +55,7 @@ class Sites:
     volume: float
     cut: NDArray[np.bool_]
     mirrors: tuple[tuple[Array, float], ...]
-    holds: Callable[[Array], NDArray[np.bool_]] | None
+    holds: Callable[[Array], NDArray[np.bool_]]
     warnings: tuple[str, ...]
 
     def apart_from(self, others: Sequence[Array], reach: float) -> Sites:
@@ -119,9 +119,8 @@ def shape_sites(
                 # Below the water line the water's weight comes on top.
                 column += scene.materials[other.material].density / density * np.maximum(other.fill.level - roof, 0.0)
         depth[begin : begin + BLOCK] = column
-    return Sites(
-        sites, depth, body.volume / max(len(sites), 1), np.zeros(len(sites), dtype=bool), (), None, tuple(warnings)
-    )
+    volume, whole = body.volume / max(len(sites), 1), np.zeros(len(sites), dtype=bool)
+    return Sites(sites, depth, volume, whole, (), lambda points: body.depth(points) > 0.0, tuple(warnings))
 
 
 def fill_sites(
@@ -131,12 +130,12 @@ def fill_sites(
     walls: Sequence[Wall],
     drawn: Sequence[Array],
     solids: Sequence[Solid],
-    earlier: Sequence[Array],
+    earlier: Sequence[Sites],
 ) -> Sites:
     """Sites of a fill: cells of a lattice that fits between its level and the lowest bed, and between upright ends.
 
-    Walls of dummy particles may cut cells; the fullest of these count, as many as hold the water that is drawn. Walls
-    that push keep cells away by the fluid's clearance.
+    Walls of dummy particles may cut cells, and then `earlier` fluids do too; the fullest of these count, as many as
+    hold the water that is drawn. Walls that push keep cells away by the fluid's clearance.
     """
     fill, dx = fluid.fill, scene.spacing
     index = [wall.name for wall in scene.walls].index(fill.above)
@@ -171,6 +170,8 @@ def fill_sites(
         inside[inside] = bed.carries(points[inside], fill.level)
         for one in [*dry, *solids]:  # bodies displace it
             inside[inside] = ~one.contains(points[inside])
+        for other in earlier if has_dummies else ():
+            inside[inside] = ~other.holds(points[inside])
         return inside
 
     has_dummies = scene.wall_model.force == "dummy_particles"
@@ -181,12 +182,16 @@ def fill_sites(
     parts, shares, wet_cells = [], [], 0.0
     for cells in cell_centres(scene, path, np.zeros(3), (last - corner - slack) / size):
         sites = corner + size * cells
-        for points in earlier:
-            sites = sites[~near(sites, points, dx - slack)]
         off = distance([*walls, *solids], sites)
         is_cut = (off < edge) | np.any(
             (sites < lowest + 0.5 * size - slack) | (sites > last - 0.5 * size + slack), axis=1
         )
+        for other in earlier:
+            beside = near(sites, other.position, dx - slack)
+            if has_dummies:
+                is_cut |= beside
+            else:
+                sites, off, is_cut = sites[~beside], off[~beside], is_cut[~beside]
         share = is_wet(sites).astype(float)
         # A wall that only touches a cell with wet corners leaves it whole, as all along the walls of a box.
         whole = is_cut & (off > 0.5 * size.max() - slack)

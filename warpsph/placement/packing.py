@@ -19,6 +19,8 @@ from warpsph.shapes.points import Array, near
 # Sweeps go on until nothing drifts farther in one than this, in spacings.
 EVEN = 2e-4
 MOST_SWEEPS = 400
+# Rounds of sweeps: what finds no room in one stays where it was in the next.
+MOST_ROUNDS = 4
 # Layers around what a wall cuts that are free to give way, in spacings.
 FREE = 8.0
 # Nothing is set closer to a dummy, in spacings.
@@ -43,39 +45,60 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
     reach = kernel.support * h
     # What is near what is free, and nothing else, counted from a corner: in single precision.
     low, high = position[free].min(axis=0) - 2.0 * reach, position[free].max(axis=0) + 2.0 * reach
-    beside = np.all((position > low) & (position < high), axis=1)
+    beside = np.flatnonzero(np.all((position > low) & (position < high), axis=1))
     around = np.all((walls > low) & (walls < high), axis=1)
     points = np.concatenate([position[beside], walls[around]]) - low
     volumes = np.concatenate([volume[beside], room[around]])
     mobility = np.concatenate([np.where(free[beside], 1.0, -1.0), np.zeros(int(around.sum()))])
     normals = np.array([normal for normal, _ in mirrors]).reshape(-1, 3)
     offsets = np.array([offset - normal @ low for normal, offset in mirrors])
+    norm = kernel.normalisation[scene.dimensions] / h ** (scene.dimensions + 2)
+    given = [h, norm, dx, int(scene.dimensions == 2)]
+    holds = [sites.holds for sites in fluids if sites.mirrors]
+    for _ in range(MOST_ROUNDS):
+        cells = np.minimum(np.ceil((high - low) / reach).astype(int), 128).tolist()
+        points = _even(points, volumes, mobility, normals, offsets, given, scene.smoothing.kernel, reach, cells)
+        # Where water thins out over a bed there is no room: what would go through it stays where it was.
+        moved = np.flatnonzero(mobility > 0.0)
+        packed, before = points[moved] + low, position[beside[moved]]
+        fits = (
+            np.any([one(packed) for one in holds], axis=0)
+            & ~near(packed, walls, CLOSEST * dx)
+            & (np.linalg.norm(packed - before, axis=1) < FARTHEST * dx)
+        )
+        if fits.all():
+            break
+        # The others must make room for it again.
+        points[moved[~fits]] = before[~fits] - low
+        mobility[moved[~fits]] = -1.0
+    axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
+    position = position.copy()
+    position[np.ix_(beside[moved], axes)] = (points[moved] + low)[:, axes]
+    return position
 
+
+def _even(
+    points: Array,
+    volumes: Array,
+    mobility: Array,
+    normals: Array,
+    offsets: Array,
+    given: Sequence[float],
+    smoothing: str,
+    reach: float,
+    cells: Sequence[int],
+) -> Array:
+    """Points [m], shape [n, 3], after sweeps of packing; those of `mobility` 0 or less stay where they are."""
     with wp.ScopedDevice("cpu"):
         here = wp.array(points, dtype=wp.vec3)
         there = wp.empty_like(here)
         fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
         planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
-        cells = np.minimum(np.ceil((high - low) / reach).astype(int), 128).tolist()
         grid = wp.HashGrid(*cells)
-        norm = kernel.normalisation[scene.dimensions] / h ** (scene.dimensions + 2)
-        given = [h, norm, dx, int(scene.dimensions == 2), *planes]
         for sweep in range(MOST_SWEEPS):
             grid.build(here, reach)
-            launch(pack_kernel(scene.smoothing.kernel), len(points), [0, grid.id, *given, here, *fixed, there])
+            launch(pack_kernel(smoothing), len(points), [0, grid.id, *given, *planes, here, *fixed, there])
             here, there = there, here
-            if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
+            if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * given[2]:
                 break
-        packed = here.numpy()[: int(beside.sum())].astype(np.float64) + low
-    # Where water thins out over a bed there is no room: what would go through it stays where it was.
-    packed = packed[free[beside]]
-    held = [sites.holds(packed) for sites in fluids if sites.holds]
-    fits = (
-        np.any(held, axis=0)
-        & ~near(packed, walls, CLOSEST * dx)
-        & (np.linalg.norm(packed - position[free], axis=1) < FARTHEST * dx)
-    )
-    axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
-    position = position.copy()
-    position[np.ix_(np.flatnonzero(free)[fits], axes)] = packed[fits][:, axes]
-    return position
+        return here.numpy().astype(np.float64)

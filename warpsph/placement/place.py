@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid, place_bodies, refuse_behind, refuse_too_fast
 from warpsph.placement.damping import refuse_long_zones
-from warpsph.placement.doubts import doubts_of, slow_sound
+from warpsph.placement.doubts import doubts_of
 from warpsph.placement.drawing import wall_surface
 from warpsph.placement.dummies import NO_DUMMIES, Dummies, place_dummies
 from warpsph.placement.fluids import Sites, fill_sites, shape_sites
@@ -25,6 +25,7 @@ from warpsph.placement.images import Edge, find_edges, find_images
 from warpsph.placement.lattice import LATTICE_SLACK, joined, refuse_too_many
 from warpsph.placement.origin import localised
 from warpsph.placement.packing import pack
+from warpsph.placement.sound import slow_sound
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import near
@@ -141,14 +142,14 @@ def place(scene: Scene) -> Placement:
     placed: list[Sites] = []
     for i, fluid in enumerate(scene.fluids):
         path = f"fluids[{i}].{'shape' if fluid.shape else 'fill'}"
-        earlier = [other.position for other in placed]
         sites = (
             shape_sites(scene, path, fluid, walls, drawn, solids)
             if fluid.shape
-            else fill_sites(scene, path, fluid, walls, drawn, solids, earlier)
+            else fill_sites(scene, path, fluid, walls, drawn, solids, tuple(placed))
         )
         fitting = len(sites.position)
-        sites = sites.apart_from(earlier, (1.0 - LATTICE_SLACK) * scene.spacing)
+        if fluid.shape:
+            sites = sites.apart_from([one.position for one in placed], (1.0 - LATTICE_SLACK) * scene.spacing)
         if not len(sites.position):
             taken = "every site of it is taken by an earlier fluid" if fitting else "not one particle fits in it"
             raise scene.error(path, f"{taken}, at a spacing of {scene.spacing:g} m")

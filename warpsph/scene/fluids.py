@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
@@ -103,7 +104,9 @@ class Material(Part):
 
     density: Density = Field(description="Reference density [kg/m3].")
     sound_speed: Annotated[Real, Field(ge=1e-3, le=1e5)] = Field(
-        description="Speed of sound c0 of the state equation [m/s]."
+        math.nan,
+        description="Speed of sound c0 of the state equation [m/s]; when absent ten times the greatest speed that the "
+        "drawing tells of, which `check` prints.",
     )
     state_equation: Literal["tait", "linear"] = Field(
         "tait", description="Pressure from density [-]: tait (exponent 7) or linear."
