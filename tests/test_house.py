@@ -1,5 +1,6 @@
 """The house: imports go down the staircase, in no circle; types are right; what its pages lead to is there."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -24,6 +25,17 @@ def test_types_of_host_code_are_right():
     pytest.importorskip("mypy")
     found = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stdout + found.stderr
+
+
+def test_no_two_types_have_one_name():
+    """The class of a scene's field ends in Field where the thing itself has the name."""
+    places: dict[str, list[str]] = {}
+    for path in [*ROOT.glob("warpsph/*.py"), *ROOT.glob("warpsph/[!k]*/*.py"), *ROOT.glob("kernels/*.py")]:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert len(places) > 100
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
 @pytest.mark.parametrize(

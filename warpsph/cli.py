@@ -533,7 +533,7 @@ def _sweep(options: argparse.Namespace) -> int:
     folder = options.out or Path("runs") / f"{file.stem}_sweep"
     workers, threads = sweep.share_cores(options.workers, sweep.core_count())
 
-    def run(todo: Sequence[sweep.Member]) -> Iterator[sweep.Result]:
+    def run(todo: Sequence[sweep.Member]) -> Iterator[sweep.MemberResult]:
         if options.scheduler:
             return sweep.run_on_cluster(todo, folder, address=options.scheduler, device=options.device)
         on = {"workers": workers, "threads": threads, "device": options.device}

@@ -23,7 +23,7 @@ class CompareError(ValueError):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Overlay:
     """Runs laid over each other.
 
     Attributes:
@@ -37,7 +37,7 @@ class Comparison:
     links: dict[str, str]
 
 
-def compare(folders: Sequence[Path]) -> Comparison:
+def compare(folders: Sequence[Path]) -> Overlay:
     """Compare the gauges of runs, which are matched by their names, with those of the first run.
 
     Raises:
@@ -70,10 +70,10 @@ def compare(folders: Sequence[Path]) -> Comparison:
             rows.append([*row, ratio, float(np.sqrt(np.mean(apart**2))), float(np.abs(apart).max())])
     if not rows:
         raise CompareError(f"{first}: no other run has a gauge of the same name with a record of the same time")
-    return Comparison(rows, figures, links)
+    return Overlay(rows, figures, links)
 
 
-def write_comparison(folders: Sequence[Path], page: Path) -> Comparison:
+def write_comparison(folders: Sequence[Path], page: Path) -> Overlay:
     """Compare runs, and write the page. Raises CompareError, and PageError where the page is not ours."""
     found = compare(folders)
     words = [f"{len(folders)} runs; differences are from {folders[0]}, at the instants of its record."]

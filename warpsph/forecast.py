@@ -117,7 +117,8 @@ def _time_steps(simulation: Simulation) -> tuple[float, float]:
     step = simulation.step
     step.aim_at(simulation.scene.run.end_time)
     step.run(2)  # in which kernels are compiled
-    batches, began = [], time.perf_counter()
+    batches: list[tuple[float, int]] = []
+    began = time.perf_counter()
     while len(batches) < MOST_BATCHES and (not batches or time.perf_counter() - began < TIMED_SECONDS):
         lists, start = step.neighbours.rebuilds, time.perf_counter()
         step.run(5)

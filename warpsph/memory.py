@@ -105,11 +105,11 @@ def counts_of(scene: Scene, placement: Placement) -> Counts:
     walls = placement.dummies.position if has_dummies(scene) else placement.wall_position
     for begin in range(0, len(walls), BLOCK):
         some = walls[begin : begin + BLOCK]
-        wet += np.count_nonzero(np.any([inside_box(some, *box) for box in boxes], axis=0))
+        wet += int(np.count_nonzero(np.any([inside_box(some, *box) for box in boxes], axis=0)))
     ghosts, edges = 0, find_edges(scene)[0]
     for begin in range(0, len(placement.position) if edges else 0, BLOCK):
         some = placement.position[begin : begin + BLOCK]
-        ghosts += sum(np.count_nonzero(some @ edge.normal - edge.offset < _list_radius(scene)) for edge in edges)
+        ghosts += sum(int(np.sum(some @ edge.normal - edge.offset < _list_radius(scene))) for edge in edges)
     bodies = sum(len(one.body.surface.points) for one in placement.solids)
     return Counts(len(placement.position), len(walls), wet, bodies, ghosts, around(walls, placement.position))
 
@@ -129,7 +129,7 @@ def rough_counts(scene: Scene) -> Counts:
                 lower[0], upper[0] = np.clip(fluid.fill.between, lower[0], upper[0])
             particles += _filled(scene, bed, lower, upper) / scene.spacing**scene.dimensions
             corners += [lower, upper]
-        else:
+        elif fluid.shape:
             body = solid(scene, fluid.shape)
             particles += body.volume / scene.spacing**scene.dimensions
             corner = body.first_corner()

@@ -29,7 +29,7 @@ from warpsph.output.claim import FolderError, Lock, Mark, clear, digest, read_js
 from warpsph.output.gauge_waves import read_observed
 from warpsph.output.progress import Progress, tell
 from warpsph.output.records import TIME_ROUNDING, Record, find_crest, is_rising, last_time, read_record
-from warpsph.output.writers import Outputs
+from warpsph.output.writers import FILES, Outputs
 from warpsph.placement.sound import with_sound
 from warpsph.scene.scene import Scene
 from warpsph.simulation import BlowUpError, Simulation
@@ -106,7 +106,7 @@ class Run:
         if resume and not folder.is_dir():
             raise CheckpointError(f"{folder}: no such folder")
         if not resume:
-            refuse_foreign(folder, overwrite, scene_file, paths)
+            refuse_foreign(folder, overwrite, scene_file, paths, FILES)
         lock = Lock(folder) if folder.is_dir() else None  # while a scene is set up, too, which may take minutes
         try:
             if resume:
@@ -121,8 +121,8 @@ class Run:
                 self.simulation.enter_phase()
                 self.simulation.step.resume()
             else:
-                refuse_foreign(folder, overwrite, scene_file, paths)  # another run may have come and gone since
-                clear(folder)
+                refuse_foreign(folder, overwrite, scene_file, paths, FILES)  # another run may have come and gone since
+                clear(folder, FILES)
             self._open(columns, resume)
         except BaseException:
             if lock is not None:

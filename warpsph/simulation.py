@@ -117,8 +117,8 @@ class Simulation:
         """Set what depends on the phase: settling at the density of rest, warming up with damping, or released."""
         warm_up, now = self.scene.warm_up, self.time
         warming = warm_up is not None and now < 0.0
-        self.step.settling = warming and now < self.scene.start_time + warm_up.settling_time
-        self.state.damping.fill_(warm_up.damping if warming else 0.0)
+        self.step.settling = bool(warm_up and warming and now < self.scene.start_time + warm_up.settling_time)
+        self.state.damping.fill_(warm_up.damping if warm_up and warming else 0.0)
         held = [warming and fluid.hold for fluid in self.scene.fluids]
         self.model.parameters.mobility.assign([*(0.0 if holding else 1.0 for holding in held), 0.0])
         if now == 0.0:

@@ -63,7 +63,7 @@ class Member:
 
 
 @dataclass
-class Result:
+class MemberResult:
     """What became of a member."""
 
     member: Member
@@ -172,7 +172,7 @@ def share_cores(workers: int | None, cores: int) -> tuple[int, int]:
 
 def run_locally(
     file: Path, todo: Sequence[Member], folder: Path, *, workers: int, threads: int, device: str
-) -> Iterator[Result]:
+) -> Iterator[MemberResult]:
     """Run members in processes of their own, `workers` at a time; one that is killed is begun anew."""
     waiting = [(member, 1) for member in todo]
     running: dict[subprocess.Popen[str], tuple[Member, int]] = {}
@@ -196,9 +196,9 @@ def run_locally(
                     continue
                 if process.returncode == 0:
                     _mark(member, folder)
-                    yield Result(member, "done")
+                    yield MemberResult(member, "done")
                 else:
-                    yield Result(member, "failed", said[-1] if said else f"exit code {process.returncode}")
+                    yield MemberResult(member, "failed", said[-1] if said else f"exit code {process.returncode}")
     finally:
         for process in running:
             process.terminate()  # ends at its next record, with a checkpoint
@@ -206,7 +206,7 @@ def run_locally(
             process.wait()
 
 
-def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Iterator[Result]:
+def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Iterator[MemberResult]:
     """Run members on the workers of a Dask cluster, one at a time on each, with all of its threads.
 
     Raises SweepError where there is no Dask, or no cluster at `address`.
@@ -238,12 +238,12 @@ def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device
         for future in busy:
             member = by_key[future.key]
             if future.status == "error":
-                yield Result(member, "failed", str(future.exception()).splitlines()[0])
+                yield MemberResult(member, "failed", str(future.exception()).splitlines()[0])
             else:
                 outcome, why = future.result()
                 if outcome == "done":
                     _mark(member, folder)
-                yield Result(member, outcome if outcome == "done" else "failed", why)
+                yield MemberResult(member, outcome if outcome == "done" else "failed", why)
             if waiting:
                 busy.add(submit())
 
@@ -270,16 +270,16 @@ def _mark(member: Member, folder: Path) -> None:
 
 
 def sweep(
-    todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[Result]]
-) -> Iterator[Result]:
+    todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[MemberResult]]
+) -> Iterator[MemberResult]:
     """All members in turn: those that are done or refused at once, the others as `run` ends them."""
     folder.mkdir(parents=True, exist_ok=True)
     left = []
     for member in todo:
         if member.scene is None:
-            yield Result(member, "refused", member.refused)
+            yield MemberResult(member, "refused", member.refused)
         elif is_done(member, folder):
-            yield Result(member, "done", "was done already")
+            yield MemberResult(member, "done", "was done already")
         else:
             left.append(member)
     if left:
@@ -289,7 +289,7 @@ def sweep(
 # --------------------------------------------------------------------------------------------------- table and plots
 
 
-def tabulate(results: Sequence[Result], folder: Path) -> tuple[list[str], list[list[Any]]]:
+def tabulate(results: Sequence[MemberResult], folder: Path) -> tuple[list[str], list[list[Any]]]:
     """The headings and the rows of the table: what was varied, what came out at each gauge, how the run went."""
     varied = list(results[0].member.values)
     numbers = [_numbers(folder / result.member.name) if result.outcome == "done" else {} for result in results]
@@ -352,7 +352,7 @@ def plots_over(
     return figures
 
 
-def write_results(results: Sequence[Result], folder: Path, title: str) -> Path:
+def write_results(results: Sequence[MemberResult], folder: Path, title: str) -> Path:
     """Write sweep.csv, sweep.json and sweep.html into the folder of the sweep, members in the order of their making.
 
     Returns the page. Raises PageError where a page of another kind is in its place.

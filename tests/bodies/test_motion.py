@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from warpsph.bodies.motion import Motion, Table, read_table
+from warpsph.bodies.motion import Motion, MotionTable, read_table
 
 # Values are read as they are written: there is no tolerance but rounding.
 
@@ -53,7 +53,7 @@ def test_a_spreadsheet_of_any_country_is_read(write, text):
 
 def test_rates_are_those_of_fritsch_and_butland():
     """By hand, of slopes 1 and 2: 6 / (3 / 1 + 3 / 2) between, (3 - 2) / 2 and (6 - 1) / 2 at the ends."""
-    rates, turning = Table(np.arange(3.0), np.outer([0.0, 1.0, 3.0], [1.0, 0.0, -1.0]), np.arange(3.0)).rates()
+    rates, turning = MotionTable(np.arange(3.0), np.outer([0.0, 1.0, 3.0], [1.0, 0.0, -1.0]), np.arange(3.0)).rates()
     np.testing.assert_allclose(rates[:, 0], [0.5, 4.0 / 3.0, 2.5], rtol=1e-14)
     np.testing.assert_allclose(rates[:, 2], -rates[:, 0], rtol=1e-14)
     np.testing.assert_array_equal(rates[:, 1], 0.0)
@@ -62,18 +62,20 @@ def test_rates_are_those_of_fritsch_and_butland():
 
 def test_a_motion_that_rests_between_uneven_rows_rests():
     """Rest for 1 s, a push within 0.1 s, rest: where parabolas swung 0.227 m backwards."""
-    table = Table(np.array([0.0, 1.0, 1.1, 3.0]), np.outer([0.0, 0.0, 0.1, 0.1], [1.0, 0.0, 0.0]), np.zeros(4))
+    table = MotionTable(np.array([0.0, 1.0, 1.1, 3.0]), np.outer([0.0, 0.0, 0.1, 0.1], [1.0, 0.0, 0.0]), np.zeros(4))
     np.testing.assert_array_equal(table.rates()[0], 0.0)
 
 
 def test_the_cubics_of_a_sine_are_close_to_it():
     time = np.linspace(0.0, 2.0, 81)
-    rates, _ = Table(time, np.outer(np.sin(np.pi * time), [1.0, 0.0, 0.0]), 0.0 * time).rates()
+    rates, _ = MotionTable(time, np.outer(np.sin(np.pi * time), [1.0, 0.0, 0.0]), 0.0 * time).rates()
     np.testing.assert_allclose(rates[:, 0], np.pi * np.cos(np.pi * time), atol=0.02 * np.pi)
 
 
 def test_the_fastest_step_of_a_table_is_found():
-    table = Table(np.array([0.0, 0.2, 0.2001, 1.0]), np.outer([0.0, 0.0, 0.05, 0.05], [1.0, 0.0, 0.0]), np.zeros(4))
+    table = MotionTable(
+        np.array([0.0, 0.2, 0.2001, 1.0]), np.outer([0.0, 0.0, 0.05, 0.05], [1.0, 0.0, 0.0]), np.zeros(4)
+    )
     speed, row = Motion("table", table=table).top_speed(0.0)
     assert speed == pytest.approx(500.0) and row == 2
     assert Motion("sine", direction=(0.3, 0.0, 0.4), turn=0.1, period=2.0).top_speed(5.0)[0] == pytest.approx(np.pi)

@@ -8,7 +8,7 @@ import warp as wp
 
 from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
 from warpsph.bodies.body_set import BodySet, rotation
-from warpsph.bodies.motion import Motion, Table
+from warpsph.bodies.motion import Motion, MotionTable
 from warpsph.device.launch import Launcher
 from warpsph.shapes.mesh import box_mesh, solid_mass
 from warpsph.shapes.outline import box_outline
@@ -269,7 +269,7 @@ def test_motion_by_a_table(run):
     """Through every row, never outside of two rows between them, velocity the slope of that, at rest after the last."""
     time = np.array([0.0, 0.05, 0.15, 0.2, 0.3])
     shift = np.stack([time**2, 0 * time, [0.0, 0.0, 0.1, 0.1, 0.04]], axis=1)
-    motion = Motion("table", table=Table(time, shift, -0.4 * time**2), begin=0.1)
+    motion = Motion("table", table=MotionTable(time, shift, -0.4 * time**2), begin=0.1)
     body = slab(motion=motion)
     paddle = run([body], 1e-3, dimensions=2)
     times, places, speeds = [], [], []

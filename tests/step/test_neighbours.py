@@ -64,7 +64,7 @@ def test_cells_hold_whoever_is_listed(make_collapse, make_scene, device, tmp_pat
 
 def test_cells_need_little_memory(make_collapse, device):
     """250 bytes a particle in the plane; these few particles lie among many cells and wall points."""
-    scenes = [make_collapse(f"neighbours={neighbours}", "spacing=0.0025") for neighbours in ("lists", "cells")]
+    scenes = [make_collapse(f"neighbours={neighbours}", "spacing=0.005") for neighbours in ("lists", "cells")]
     lists, cells = (forecast(scene, Launcher(device)) for scene in scenes)
     assert lists.memory.arrays - cells.memory.arrays > 140 * lists.particle_count
     walls_and_grid = 8.0 * cells.particle_count  # of a tank so much wider than its fluid

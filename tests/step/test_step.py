@@ -1,6 +1,8 @@
 """The time step: its order, what it conserves, and that lists, threads and reruns leave no trace."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -150,44 +152,73 @@ def test_free_fall(make_scene, device, integrator):
     np.testing.assert_allclose(fallen[:, :2], 0.0, rtol=0, atol=1e-6)
 
 
+@dataclass
+class Collapse:
+    """A collapse until t = 0.2 s, step by step.
+
+    Attributes:
+        masses: Of each fluid, before [kg/m].
+        gained: Momentum at the end less that before [kg/s], shape [3].
+        impulse: Of gravity and walls, over all steps [kg/s], shape [3].
+        exchanged: The same by size, summed over steps and directions [kg/s].
+    """
+
+    simulation: Simulation
+    masses: list[float]
+    gained: np.ndarray
+    impulse: np.ndarray
+    exchanged: float
+
+
+@pytest.fixture(scope="module")
+def collapsed(make_collapse, device) -> Callable[[list[str]], Collapse]:
+    """A function of a scheme that gives its collapse, run once for all tests that look at one."""
+
+    @cache
+    def run(scheme: tuple[str, ...]) -> Collapse:
+        simulation = Simulation(make_collapse(*scheme), device)
+        masses = [motion.mass for motion in simulation.energy.measure()[1]]
+        state, mass = simulation.state, simulation.model.parameters.mass.numpy()
+
+        def momentum() -> np.ndarray:
+            return mass[state.fluid.numpy()] @ state.velocity.numpy().astype(float)
+
+        before, impulse, exchanged = momentum(), np.zeros(3), 0.0
+        for dt in step_by_step(simulation, 0.2):
+            m = mass[state.fluid.numpy()].astype(float)
+            by_walls = state.wall_acceleration.numpy().astype(float)
+            if "run.integrator=predictor_corrector" in scheme:
+                by_walls = 0.5 * (state.first_wall.numpy() + by_walls)
+            step = dt * (m.sum() * np.array([0.0, 0.0, -9.81]) + m @ by_walls)
+            impulse, exchanged = impulse + step, exchanged + np.abs(step).sum()
+        return Collapse(simulation, masses, momentum() - before, impulse, exchanged)
+
+    return lambda scheme: run(tuple(scheme))
+
+
 @every_scheme
-def test_momentum_changes_by_gravity_and_walls_alone(make_collapse, device, scheme):
-    simulation = Simulation(make_collapse(*scheme), device)
-    state, mass = simulation.state, simulation.model.parameters.mass.numpy()
-
-    def momentum() -> np.ndarray:
-        return mass[state.fluid.numpy()] @ state.velocity.numpy().astype(float)
-
-    before, impulse, transferred = momentum(), np.zeros(3), 0.0
-    for dt in step_by_step(simulation, 0.2):
-        m = mass[state.fluid.numpy()].astype(float)
-        by_walls = state.wall_acceleration.numpy().astype(float)
-        if "run.integrator=predictor_corrector" in scheme:
-            by_walls = 0.5 * (state.first_wall.numpy() + by_walls)
-        step = dt * (m.sum() * np.array([0.0, 0.0, -9.81]) + m @ by_walls)
-        impulse, transferred = impulse + step, transferred + np.abs(step).sum()
-    assert np.linalg.norm(momentum() - before) > 1.0  # [kg/s]
-    np.testing.assert_allclose(momentum() - before, impulse, rtol=0, atol=TOLERANCE * transferred)
+def test_momentum_changes_by_gravity_and_walls_alone(collapsed, scheme):
+    collapse = collapsed(scheme)
+    assert np.linalg.norm(collapse.gained) > 1.0  # [kg/s]
+    np.testing.assert_allclose(collapse.gained, collapse.impulse, rtol=0, atol=TOLERANCE * collapse.exchanged)
 
 
 @every_scheme
-def test_mass_is_exact(make_collapse, device, scheme):
+def test_mass_is_exact(collapsed, scheme):
     """Of each fluid, and of each particle: it stays what it was and keeps its fluid."""
-    simulation = Simulation(make_collapse(*scheme), device)
-    before = [motion.mass for motion in simulation.energy.measure()[1]]
-    simulation.advance(0.2)
+    collapse = collapsed(scheme)
+    simulation = collapse.simulation
     assert simulation.step.neighbours.rebuilds > 10
     after = simulation.state.snapshot()
     np.testing.assert_array_equal(after.id, np.arange(simulation.model.particle_count))
     np.testing.assert_array_equal(after.fluid, place(simulation.scene).fluid)
-    assert [motion.mass for motion in simulation.energy.measure()[1]] == pytest.approx(before, rel=1e-14)
+    now = [motion.mass for motion in simulation.energy.measure()[1]]
+    assert now == pytest.approx(collapse.masses, rel=1e-14)
 
 
 @every_scheme
-def test_plane_stays_plane(make_collapse, device, scheme):
-    simulation = Simulation(make_collapse(*scheme), device)
-    simulation.advance(0.1)
-    assert not simulation.state.position.numpy()[:, 1].any()
+def test_plane_stays_plane(collapsed, scheme):
+    assert not collapsed(scheme).simulation.state.position.numpy()[:, 1].any()
 
 
 # ------------------------------------------------------------------------------------------------------- the clock

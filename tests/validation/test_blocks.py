@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from warpsph.validation import CASES, Series, blocks
-from warpsph.validation.blocks import Slide, measure_maciel_series, measure_mki_series
+from warpsph.validation.blocks import BlockImpact, measure_maciel_series, measure_mki_series
 
 
 def run_of(
@@ -15,7 +15,7 @@ def run_of(
 ) -> SimpleNamespace:
     """What stands for a finished run: its scene, and the slide that is read off it."""
     shares = (share, 0.09, 0.07, 0.05, by_law, 0.1)
-    slide = Slide(SimpleNamespace(froude=froude), (), amplitude, 0.5 * amplitude, 1.5, 1.5, *shares, inside, 0.05)
+    slide = BlockImpact(SimpleNamespace(froude=froude), (), amplitude, 0.5 * amplitude, 1.5, 1.5, *shares, inside, 0.05)
     fill = SimpleNamespace(fill=SimpleNamespace(level=0.2))
     return SimpleNamespace(scene=SimpleNamespace(fluids=[fill]), slide=slide)
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from warpsph.bodies.body import Body
 from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, corners_at, joined, touching
-from warpsph.bodies.motion import KINDS, Table
+from warpsph.bodies.motion import KINDS, MotionTable
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
 from warpsph.kernels import contact as contact_kernels
@@ -343,7 +343,7 @@ def rotation(quaternion: Array) -> Array:
     return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
 
 
-_NO_ROWS = Table(np.empty(0), np.empty((0, 3)), np.empty(0))
+_NO_ROWS = MotionTable(np.empty(0), np.empty((0, 3)), np.empty(0))
 _GROUND = Body(
     name="the ground",
     mass=MassProperties(1.0, np.zeros(3), np.eye(3)),

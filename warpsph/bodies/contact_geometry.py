@@ -10,7 +10,7 @@ from functools import singledispatch
 import numpy as np
 
 from warpsph.bodies.body import Body
-from warpsph.bodies.facets import Edge, Face, Facets, crate_facets, facets, sheet_edges
+from warpsph.bodies.facets import Face, FacetEdge, Facets, crate_facets, facets, sheet_edges
 from warpsph.kernels import contact as contact_kernels
 from warpsph.shapes.outline import Bend, Line, Outline, counter_clockwise, reversed_outline
 from warpsph.shapes.points import Array, spatial
@@ -124,7 +124,7 @@ def corners_at(points: Array, radius: float = 0.0) -> ContactPoints:
     )
 
 
-def edges_at(edges: Sequence[Edge]) -> ContactPoints:
+def edges_at(edges: Sequence[FacetEdge]) -> ContactPoints:
     """Edges, which touch other edges."""
     points = corners_at(np.array([edge.start for edge in edges]))
     if not edges:

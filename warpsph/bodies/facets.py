@@ -44,7 +44,7 @@ class Face:
 
 
 @dataclass(frozen=True)
-class Edge:
+class FacetEdge:
     """An edge that bulges, or the border of a sheet.
 
     Attributes:
@@ -65,7 +65,7 @@ class Facets:
     """What can touch of a surface; `corners` [m], shape [n, 3]."""
 
     faces: Sequence[Face]
-    edges: Sequence[Edge]
+    edges: Sequence[FacetEdge]
     corners: Array
 
 
@@ -108,7 +108,7 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
         is_corner[triangles[one[~hollow], (border[~hollow] + k) % 3]] = True
     first = np.flatnonzero(~hollow & (other < one))  # of the two triangles at a border, or the only one
     edges = [
-        Edge(start, way, length, pair)
+        FacetEdge(start, way, length, pair)
         for start, way, length, pair in zip(
             corners[one[first], border[first]],
             ways[one[first], border[first]],
@@ -157,21 +157,21 @@ def sheet_edges(sheet: Sheet, side: int) -> Facets:
     """
     outline = sheet.outline if side > 0 else reversed_outline(sheet.outline)
     low, high = sheet.width
-    edges: list[Edge] = []
+    edges: list[FacetEdge] = []
     corners: list[Array] = []
     along_y = np.array([0.0, 1.0, 0.0])
 
     def across(point: Array, *into: Array) -> None:
         ends = np.array([[point[0], y, point[1]] for y in (low, high)])
         faces = np.array([[x, 0.0, z] for x, z in (into if len(into) == 2 else into * 2)])
-        edges.append(Edge(ends[0], along_y, high - low, faces))
+        edges.append(FacetEdge(ends[0], along_y, high - low, faces))
         corners.extend(ends)
 
     def beside(start: Array, end: Array) -> None:
         way = np.array([end[0] - start[0], 0.0, end[1] - start[1]])
         length = float(np.linalg.norm(way))
         for y, inward in ((low, along_y), (high, -along_y)):
-            edges.append(Edge(np.array([start[0], y, start[1]]), way / length, length, np.stack([inward, inward])))
+            edges.append(FacetEdge(np.array([start[0], y, start[1]]), way / length, length, np.stack([inward, inward])))
 
     legs, count = outline.legs, len(outline.legs)
     for i, leg in enumerate(legs):

@@ -20,7 +20,7 @@ MOST_BYTES, FARTHEST = 2e7, 1e8
 
 
 @dataclass(frozen=True)
-class Table:
+class MotionTable:
     """Rows of a prescribed motion.
 
     Attributes:
@@ -96,7 +96,7 @@ class Motion:
     begin: float = 0.0
     period: float = 1.0
     phase: float = 0.0
-    table: Table | None = None
+    table: MotionTable | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -124,7 +124,7 @@ class Motion:
 KINDS: Mapping[str, int] = {"fixed": 1, "constant": 2, "ramp": 3, "sine": 4, "table": 5}
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str) -> MotionTable:
     """A motion from a CSV file with a header of `time [s]` and any of `x [m]`, `y [m]`, `z [m]`, `angle [rad]`.
 
     Units in the header may be left out; angles may be in degrees, `angle [deg]`. Cells may be parted by ',', by ';' or
@@ -190,4 +190,4 @@ def read_table(path: Path | str) -> Table:
             raise ValueError(f"{path}:{line}: time {word}, from {values[i - 1, 0]:g} s to {values[i, 0]:g} s")
     first = values[0, 1:].copy()
     values[:, 1:] -= first
-    return Table(values[:, 0], values[:, 1:4], values[:, 4], tuple(line for line, _ in rows), tuple(first))
+    return MotionTable(values[:, 0], values[:, 1:4], values[:, 4], tuple(line for line, _ in rows), tuple(first))

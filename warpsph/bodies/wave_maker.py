@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from warpsph.bodies.motion import Motion, Table, read_table
+from warpsph.bodies.motion import Motion, MotionTable, read_table
 from warpsph.scene.waves import WaveMaker
 from warpsph.theory import waves as theory
 
@@ -111,7 +111,7 @@ def _measured(maker: WaveMaker) -> Motion:
 
 def _table(maker: WaveMaker, time: np.ndarray, shift: np.ndarray, angle: np.ndarray) -> Motion:
     pivot = None if maker.hinge is None else (maker.x, 0.0, maker.hinge)
-    return Motion("table", pivot=pivot, begin=maker.begin, table=Table(time, shift, angle))
+    return Motion("table", pivot=pivot, begin=maker.begin, table=MotionTable(time, shift, angle))
 
 
 def _refuse_breaking(maker: WaveMaker, gravity: float) -> None:

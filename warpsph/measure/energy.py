@@ -35,7 +35,7 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FluidMotion:
     """One fluid as a whole.
 
     Attributes:
@@ -65,7 +65,7 @@ class Energy:
             kernels.sum_blocks, rows, model, state, fluid_count=fluids, sums=self._sums
         )
 
-    def measure(self) -> tuple[Budget, list[Motion]]:
+    def measure(self) -> tuple[Budget, list[FluidMotion]]:
         """The budget, and the motion of each fluid in the scene's order."""
         self._measure()
         blocks = self._sums.numpy().reshape(self._shape)
@@ -73,7 +73,7 @@ class Energy:
         total = fluids.sum(axis=0)
         budget = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS), gone=float(self._state.energy_gone.numpy()[0]))
         motions = [
-            Motion(
+            FluidMotion(
                 mass=float(row[kernels.MASS]),
                 # A fluid that has left as a whole is nowhere.
                 center=row[_X] / row[kernels.MASS] if row[kernels.MASS] else np.full(3, np.nan),

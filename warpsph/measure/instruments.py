@@ -44,7 +44,7 @@ POINTS_PER_SPACING = {2: 2.0, 3: 1.0}
 
 
 @dataclass(frozen=True)
-class Surface:
+class WallPart:
     """Points over a part of a wall.
 
     Attributes:
@@ -216,7 +216,7 @@ class Instruments:
                 rows.append((f"overtopping/{gate.name}", [float(one), float(flow)]))
         return rows
 
-    def _run_up(self, surface: Surface, fraction: Array, axes: list[int]) -> list[float]:
+    def _run_up(self, surface: WallPart, fraction: Array, axes: list[int]) -> list[float]:
         """Where the highest wet point of a wall is [m], and how far along it; not a number where all of it is dry."""
         steep = np.arccos(np.clip(surface.normals[:, 2], -1.0, 1.0)) / (2.0 * np.pi)
         excess = fraction - np.clip(steep, LEAST_WET, MOST_WET)
@@ -266,7 +266,7 @@ def columns(scene: Scene) -> dict[str, list[str]]:
     }
 
 
-def part_of_wall(scene: Scene, path: str, part: Force | RunUp, sides: Sequence[int]) -> Surface:
+def part_of_wall(scene: Scene, path: str, part: Force | RunUp, sides: Sequence[int]) -> WallPart:
     """The part of a wall that a force or a run-up is about: a point in the middle of each piece of it.
 
     Raises:
@@ -287,12 +287,12 @@ def part_of_wall(scene: Scene, path: str, part: Force | RunUp, sides: Sequence[i
     kept = surface.areas > 1e-4 * surface.areas.max()  # but for slivers that rounding leaves
     if not kept.any() or not surface.areas.any():
         raise scene.error(f"{path}.part", f"there is nothing of wall '{part.wall}' in it")
-    return Surface(
+    return WallPart(
         surface.points[kept], (surface.normals * sides[index])[kept], surface.areas[kept], surface.along[kept]
     )
 
 
-def _pieces_of_sheet(wall: Sheet, spacing: float, low: Array, high: Array) -> Surface:
+def _pieces_of_sheet(wall: Sheet, spacing: float, low: Array, high: Array) -> WallPart:
     """Pieces of a wall that is drawn in the x-z plane; of each the area in the box from `low` to `high`."""
     points, normals, lengths, along, gone = [], [], [], [], 0.0
     for leg in wall.outline.legs:
@@ -307,9 +307,9 @@ def _pieces_of_sheet(wall: Sheet, spacing: float, low: Array, high: Array) -> Su
         gone += leg.length
     plane, across, length, station = map(np.concatenate, (points, normals, lengths, along))
     if not wall.width:
-        return Surface(in_space(plane), in_space(across), length, station)
+        return WallPart(in_space(plane), in_space(across), length, station)
     y, width = _middles(*wall.width, spacing, low[1], high[1])
-    return Surface(
+    return WallPart(
         np.concatenate([in_space(plane, one) for one in y]),
         np.tile(in_space(across), (len(y), 1)),
         np.outer(width, length).ravel(),
@@ -317,7 +317,7 @@ def _pieces_of_sheet(wall: Sheet, spacing: float, low: Array, high: Array) -> Su
     )
 
 
-def _pieces_of_crate(wall: Crate, spacing: float, low: Array, high: Array) -> Surface:
+def _pieces_of_crate(wall: Crate, spacing: float, low: Array, high: Array) -> WallPart:
     """Pieces of the faces of a box; of each the area in the box from `low` to `high`."""
     points, normals, areas = [], [], []
     for axis, end in wall.sides():
@@ -333,7 +333,7 @@ def _pieces_of_crate(wall: Crate, spacing: float, low: Array, high: Array) -> Su
         normals.append(normal)
         areas.append(np.outer(size_a, size_b).ravel() * (low[axis] <= at <= high[axis]))
     count = sum(map(len, points))
-    return Surface(np.concatenate(points), np.concatenate(normals), np.concatenate(areas), np.full(count, np.nan))
+    return WallPart(np.concatenate(points), np.concatenate(normals), np.concatenate(areas), np.full(count, np.nan))
 
 
 def _middles(begin: float, end: float, spacing: float, low: float, high: float) -> tuple[Array, Array]:
@@ -371,7 +371,7 @@ def fitted(sums: Array, dimensions: int) -> Array:
     return found
 
 
-def force_on(surface: Surface, pressure: Array, about: Array, axes: list[int]) -> list[float]:
+def force_on(surface: WallPart, pressure: Array, about: Array, axes: list[int]) -> list[float]:
     """Force of the pressure at the points of a surface [N, in 2-D N/m], its torque about a point, counter-clockwise in
     2-D, and its point of attack, where the surface is pressed on the average [m]; not a number where there is none."""
     # A wall holds no fluid back that is in tension.

@@ -22,14 +22,10 @@ except ImportError:  # not on Windows: there a lock that a crash has left behind
 
 MARK, LOCK = ".warpsph", "LOCK"
 
-# All that a run writes, by folder; its records, which are named by the user, stand in the mark.
+# All that a run writes beside its frames, by folder; its records, which are named by the user, stand in the mark.
 _OWN = {
     "": r"\.sweep|scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml)\.part",
     "checkpoints": r"\d{9,}\.(npz|part)",
-    "preview": r"\.?frame\.\d{5,}\.png|\.?animation\.(mp4|gif)|gauges\.png",
-    "usd": r"\.?((scene|surface|manifest|surface_manifest)\.usda|static\.usdc)",
-    "usd/frames": r"\.?(fluid|surface)\.\d{5,}\.usdc",
-    "particles": r"\.?(fluid\.\d{5,}\.vtu|particles\.pvd)",
     "gauges": "",
     "fluids": "",
     "bodies": "",
@@ -79,10 +75,13 @@ def read_mark(folder: Path) -> Mark | None:
         return None
 
 
-def refuse_foreign(folder: Path, overwrite: bool, scene_file: Path | None, records: Iterable[str]) -> None:
+def refuse_foreign(
+    folder: Path, overwrite: bool, scene_file: Path | None, records: Iterable[str], frames: dict[str, str]
+) -> None:
     """Raise FolderError unless a new run may write to `folder`: it is new or empty, or holds a run to be replaced.
 
-    `scene_file` is the input of the new run, `records` are the paths of its records. Nothing is touched.
+    `scene_file` is the input of the new run, `records` are the paths of its records, `frames` patterns of the names of
+    frames, by folder. Nothing is touched.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         raise FolderError(f"{folder}: is there already and is no folder; choose another --out")
@@ -97,7 +96,7 @@ def refuse_foreign(folder: Path, overwrite: bool, scene_file: Path | None, recor
         raise FolderError(f"{folder}: is there already and {why}; choose another --out")
     if not overwrite:
         raise FolderError(f"{folder}: holds another run; give --overwrite to replace it, or another --out")
-    for path in (folder, *(folder / name for name in _OWN), *_written(folder, mark)):
+    for path in (folder, *(folder / name for name in _OWN | frames), *_written(folder, mark, frames)):
         if path.is_symlink():
             raise FolderError(f"{path}: is a link, and nothing is overwritten through one; choose another --out")
     scene = folder / "scene.yaml"
@@ -108,21 +107,21 @@ def refuse_foreign(folder: Path, overwrite: bool, scene_file: Path | None, recor
             raise FolderError(f"{folder / name}: was not written by the run here; move it, or choose another --out")
 
 
-def clear(folder: Path) -> None:
+def clear(folder: Path, frames: dict[str, str]) -> None:
     """Take away what an earlier run has written to `folder`, but for its mark; `refuse_foreign` has been asked."""
     mark = read_mark(folder)
     if mark is None:
         return
-    for path in _written(folder, mark):
+    for path in _written(folder, mark, frames):
         path.unlink(missing_ok=True)
-    for name in sorted(filter(None, _OWN), reverse=True):  # usd/frames before usd
+    for name in sorted(filter(None, _OWN | frames), reverse=True):  # usd/frames before usd
         if (folder / name).is_dir() and not any((folder / name).iterdir()):
             (folder / name).rmdir()
 
 
-def _written(folder: Path, mark: Mark) -> Iterator[Path]:
+def _written(folder: Path, mark: Mark, frames: dict[str, str]) -> Iterator[Path]:
     """The files of the run that `mark` tells of."""
-    for name, own in _OWN.items():
+    for name, own in (_OWN | frames).items():
         if (folder / name).is_dir():
             for path in list((folder / name).iterdir()):
                 record = path.with_name(path.name.removeprefix(".").removesuffix(".part"))

@@ -164,7 +164,7 @@ def new_plots(count: int, size: tuple[float, float] = (9.0, 4.2)) -> tuple[Figur
         figure.subplots_adjust(**AROUND)
     else:
         figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.12)
-    plots = np.atleast_1d(figure.subplots(1, count))
+    plots: list[Axes] = list(np.atleast_1d(figure.subplots(1, count)))
     if is_small:  # labels at the edges of the figure, which need not be looked for
         plots[0].xaxis.set_label_coords(0.5 * (AROUND["left"] + AROUND["right"]), 0.05, figure.transFigure)
         plots[0].yaxis.set_label_coords(0.035, 0.5 * (AROUND["bottom"] + AROUND["top"]), figure.transFigure)

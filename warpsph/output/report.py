@@ -43,7 +43,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Section:
+class Chapter:
     """The plots of one kind of records."""
 
     heading: str
@@ -163,7 +163,7 @@ def _observed(scene: Scene | None) -> dict[str, dict[str, np.ndarray]]:
         return {}
 
 
-def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
+def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Chapter]:
     """The plots of all records there are."""
     sheet, _ = small_plot()
     for kind in RECORDS:
@@ -178,14 +178,14 @@ def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
             plots = [(title, plot(figure)) for title, figure in drawn]  # each before the next is drawn
         paths = sorted(run_dir.glob(kind.files))
         links = [(path.name, path.relative_to(run_dir).as_posix()) for path in paths]
-        yield Section(kind.heading, kind.words, plots, links)
+        yield Chapter(kind.heading, kind.words, plots, links)
 
 
-def _compared(run_dir: Path, scene: Scene | None) -> Iterator[Section]:
+def _compared(run_dir: Path, scene: Scene | None) -> Iterator[Chapter]:
     """What probes observed elsewhere, and the spectra of made waves."""
     plots = [(caption, plot(figure)) for caption, figure in instrument_plots(run_dir, scene)] if scene else []
     if plots:
-        yield Section("Held against", "What was observed, or asked for.", plots, [])
+        yield Chapter("Held against", "What was observed, or asked for.", plots, [])
 
 
 def _colors(scene: Scene | None, curves: Curves) -> dict[str, str]:

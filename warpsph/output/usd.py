@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
+from warpsph.output import fields as frame_fields
 from warpsph.output.camera import Camera
 
 if TYPE_CHECKING:
@@ -43,19 +44,20 @@ CLIPPED_ATTRIBUTES = {
     "extent": (Sdf.ValueTypeNames.Float3Array, "Corners of the box around the particles [m]."),
 }
 # Blender reads primvars of these types only: it drops one of another type, and every later one with it.
-CLIPPED_PRIMVARS = {
-    "speed": (Sdf.ValueTypeNames.FloatArray, "Speed [m/s]."),
-    "pressure": (Sdf.ValueTypeNames.FloatArray, "Pressure [Pa]."),
-    "density": (Sdf.ValueTypeNames.FloatArray, "Density [kg/m3]."),
-    "id": (Sdf.ValueTypeNames.IntArray, "ids, in the type that renderers read as a primvar."),
-}
+_NUMBERS, _WHOLE_NUMBERS = Sdf.ValueTypeNames.FloatArray, Sdf.ValueTypeNames.IntArray
+# Velocities are an attribute of points, and each fluid is a prim of its own.
+_PRIMVARS = tuple(one for one in frame_fields.FIELDS if one.name not in ("velocity", "fluid"))
+
+
+def _declared(primvars: Iterable[frame_fields.Field]) -> dict[str, tuple[Sdf.ValueTypeName, str]]:
+    return {one.name: (_WHOLE_NUMBERS if one.is_whole else _NUMBERS, one.description) for one in primvars}
+
+
+CLIPPED_PRIMVARS = _declared(one for one in _PRIMVARS if not one.is_rheological)
 # What an artist may leave out.
 FIELDS = ("pressure", "density")
 # Only of fluids with a rheology.
-RHEOLOGY_PRIMVARS = {
-    "apparent_viscosity": (Sdf.ValueTypeNames.FloatArray, "Apparent viscosity [Pa s]."),
-    "yielded": (Sdf.ValueTypeNames.IntArray, "1 where the fluid flows, 0 where it is a plug."),
-}
+RHEOLOGY_PRIMVARS = _declared(one for one in _PRIMVARS if one.is_rheological)
 
 
 @dataclass(frozen=True)
@@ -334,26 +336,17 @@ class UsdCache:
         radius = np.float32(0.5 * self._spacing)
         # Of nothing where all of a fluid has left.
         extent = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius]) if len(points) else points
-        of_rheology = {}
-        fields = {"pressure": snapshot.pressure, "density": snapshot.density}
-        if snapshot.apparent_viscosity is not None:
-            of_rheology = {
-                "primvars:apparent_viscosity": Vt.FloatArray.FromNumpy(snapshot.apparent_viscosity[members]),
-                "primvars:yielded": Vt.IntArray.FromNumpy(snapshot.yielded[members]),
-            }
+        primvars = {}
+        for one in _PRIMVARS:
+            if (one.name in self._primvars or one.is_rheological) and (values := one.values(snapshot)) is not None:
+                kind, dtype = (Vt.IntArray, np.int32) if one.is_whole else (Vt.FloatArray, np.float32)
+                primvars[f"primvars:{one.name}"] = kind.FromNumpy(np.ascontiguousarray(values[members], dtype=dtype))
         return {
             "points": Vt.Vec3fArray.FromNumpy(points),
             "velocities": Vt.Vec3fArray.FromNumpy(velocities),
             "ids": Vt.Int64Array.FromNumpy(ids),
             "extent": Vt.Vec3fArray.FromNumpy(extent),
-            "primvars:speed": Vt.FloatArray.FromNumpy(np.linalg.norm(velocities, axis=1)),
-            **{
-                f"primvars:{name}": Vt.FloatArray.FromNumpy(values[members].astype(np.float32))
-                for name, values in fields.items()
-                if name in self._primvars
-            },
-            "primvars:id": Vt.IntArray.FromNumpy(ids.astype(np.int32)),
-            **of_rheology,
+            **primvars,
         }
 
     def _put_world(self, stage: Usd.Stage) -> None:

@@ -179,6 +179,14 @@ WRITERS: Mapping[str, Callable[[Scene, Simulation, Path, int | None], Writer]] =
     "usd": Cache,
     "vtk": particles,
 }
+# What they, and whoever makes more of their frames later, call their files, by folder: a run that is replaced takes
+# these away.
+FILES: dict[str, str] = {
+    "preview": r"\.?frame\.\d{5,}\.png|\.?animation\.(mp4|gif)|gauges\.png",
+    "usd": r"\.?((scene|surface|manifest|surface_manifest)\.usda|static\.usdc)",
+    "usd/frames": r"\.?(fluid|surface)\.\d{5,}\.usdc",
+    "particles": r"\.?(fluid\.\d{5,}\.vtu|particles\.pvd)",
+}
 
 
 def drawn_bodies(scene: Scene, start: Start) -> dict[str, DrawnBody]:

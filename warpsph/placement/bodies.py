@@ -20,10 +20,9 @@ from warpsph.bodies.motion import Motion, read_table
 from warpsph.bodies.wave_maker import WaveError, paddle_motion
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.solids import Form, axis_of, form_of
-from warpsph.scene.bodies import Body as BodyField
-from warpsph.scene.bodies import BodyMotion
+from warpsph.scene.bodies import BodyField, BodyMotion
 from warpsph.scene.scene import Scene
-from warpsph.scene.shapes import Solid as SolidField
+from warpsph.scene.shapes import SolidField
 from warpsph.shapes.mesh import Mesh
 from warpsph.shapes.points import Array, around, spatial
 from warpsph.shapes.surface import Crate, Sheet

@@ -9,7 +9,7 @@ import numpy as np
 
 from warpsph.scene.boundaries import Wall
 from warpsph.scene.scene import Scene
-from warpsph.scene.shapes import Corner, Shape, Solid
+from warpsph.scene.shapes import Corner, Shape, SolidField
 from warpsph.shapes.outline import Bend, Leg, Line, Outline
 from warpsph.shapes.points import Array
 from warpsph.shapes.surface import Crate, Prism, Sheet, Sphere
@@ -52,7 +52,7 @@ def wall_outline(scene: Scene, index: int) -> Outline:
     return closed_outline(wall)
 
 
-def closed_outline(part: Wall | Shape | Solid) -> Outline:
+def closed_outline(part: Wall | Shape | SolidField) -> Outline:
     """The exact outline of a box, a disc or a polygon in the x-z plane; boxes and discs run counter-clockwise from the
     bottom."""
     if part.disc:

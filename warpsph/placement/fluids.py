@@ -22,7 +22,7 @@ from warpsph.placement.lattice import (
     cell_centres,
     joined,
 )
-from warpsph.scene.fluids import Fluid
+from warpsph.scene.fluids import FluidField
 from warpsph.scene.scene import Scene
 from warpsph.shapes.points import Array, near
 from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box
@@ -69,7 +69,7 @@ class Sites:
 
 
 def shape_sites(
-    scene: Scene, path: str, fluid: Fluid, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
+    scene: Scene, path: str, fluid: FluidField, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid]
 ) -> Sites:
     """Sites of a shape: cells of its lattice whose centres lie in it."""
     dx, body = scene.spacing, solid(scene, fluid.shape)
@@ -126,7 +126,7 @@ def shape_sites(
 def fill_sites(
     scene: Scene,
     path: str,
-    fluid: Fluid,
+    fluid: FluidField,
     walls: Sequence[Wall],
     drawn: Sequence[Array],
     solids: Sequence[Solid],

@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpsph.kernels import images as kernels
-from warpsph.scene.boundaries import Image as ImageField
+from warpsph.scene.boundaries import ImageField
 from warpsph.scene.scene import Scene
 from warpsph.shapes.points import Array, spatial
 

@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from typing import Any
 
-from warpsph.scene.bodies import Body, BodyMotion
+from warpsph.scene.bodies import BodyField, BodyMotion
 from warpsph.scene.boundaries import Mirror, Periodic, Wall
 from warpsph.scene.fields import Part
 from warpsph.scene.fluids import Fill, Lattice
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, Window
 from warpsph.scene.scene import Scene, View
-from warpsph.scene.shapes import Arc, Ball, Box, Corner, Disc, Shape, Solid
+from warpsph.scene.shapes import Arc, BallField, BoxField, Corner, Disc, Shape, SolidField
 from warpsph.scene.waves import DampingZone, WaveMaker
 
 # A drawing that reaches no farther from zero than so many spacings, or than so many times its own size, is left there.
@@ -26,20 +26,20 @@ NEAR_SPACINGS, NEAR_SIZES = 2000.0, 2.0
 # The fields that name a place, and along which axes their numbers count: those of a point go by how many there are.
 POINT = ""
 PLACES: Mapping[type[Part], Mapping[str, str]] = {
-    Box: {"min": POINT, "max": POINT},
+    BoxField: {"min": POINT, "max": POINT},
     Disc: {"center": POINT},
-    Ball: {"center": POINT},
+    BallField: {"center": POINT},
     Arc: {"center": POINT},
     Corner: {"at": POINT},
     Shape: {"polygon": POINT, "width": "y"},
-    Solid: {"polygon": POINT, "path": POINT},
+    SolidField: {"polygon": POINT, "path": POINT},
     Wall: {"path": POINT, "width": "y"},
     Mirror: {"point": POINT},
     Periodic: {"start": POINT, "end": POINT},
     Fill: {"level": "z", "between": "x"},
     Lattice: {"origin": POINT},
     BodyMotion: {"pivot": POINT},
-    Body: {"at": POINT, "centre": POINT},
+    BodyField: {"at": POINT, "centre": POINT},
     Gauge: {"x": "x", "y": "y", "bottom": "z"},
     WaveMaker: {"x": "x", "bed": "z", "top": "z", "width": "y", "hinge": "z"},
     DampingZone: {"end": "x"},
@@ -97,7 +97,7 @@ def _axes(value: Any, axes: str) -> str:
 
 def _numbers(value: Any, axes: str | None = None) -> Iterator[tuple[str, float]]:
     """Axis and coordinate [m] of all places in a part of a scene."""
-    if isinstance(value, Body):
+    if isinstance(value, BodyField):
         value, axes = value.at, POINT
     if isinstance(value, Part):
         for name in type(value).model_fields:
@@ -113,7 +113,7 @@ def _numbers(value: Any, axes: str | None = None) -> Iterator[tuple[str, float]]
 
 def _moved(value: Any, by: Mapping[str, int], axes: str | None = None) -> Any:
     """The same with `by` [m] taken off each coordinate in it; the same object where there is none."""
-    if isinstance(value, Body):
+    if isinstance(value, BodyField):
         return _moved_body(value, by)
     if isinstance(value, Part):
         places = _places(value)
@@ -131,7 +131,7 @@ def _moved(value: Any, by: Mapping[str, int], axes: str | None = None) -> Any:
     return value
 
 
-def _moved_body(body: Body, by: Mapping[str, int]) -> Body:
+def _moved_body(body: BodyField, by: Mapping[str, int]) -> BodyField:
     """A body elsewhere: drawn there, or, where its drawing is put or turned or comes from a file, put there."""
     motion = _moved(body.motion, by)
     if body.at is None and not body.angle and not body.shape.mesh:
@@ -141,7 +141,7 @@ def _moved_body(body: Body, by: Mapping[str, int]) -> Body:
     return body.model_copy(update={"at": _moved(at, by, POINT), "motion": motion})
 
 
-def _is_in_space(body: Body) -> bool:
+def _is_in_space(body: BodyField) -> bool:
     return body.shape.box is not None and len(body.shape.box.min) == 3
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpsph.bodies.body_set import rotation
 from warpsph.placement.drawing import closed_outline, path_legs
 from warpsph.placement.dummies import dummies_of_box, dummies_of_outline, layer_count
-from warpsph.scene.bodies import Body as BodyField
+from warpsph.scene.bodies import BodyField
 from warpsph.scene.scene import Scene
 from warpsph.shapes.mesh import (
     Mesh,

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from warpsph.scene.fields import (
     COLOR,
+    IN_SPACE,
     Angle,
     Coordinate,
     Density,
@@ -22,10 +23,11 @@ from warpsph.scene.fields import (
     Positive,
     Real,
     Switch,
+    ThreeInSpace,
     Triple,
     fault,
 )
-from warpsph.scene.shapes import Solid
+from warpsph.scene.shapes import SolidField
 
 LOCKS = {2: ("x", "z", "angle"), 3: ("x", "y", "z", "turn_x", "turn_y", "turn_z")}
 
@@ -42,7 +44,7 @@ class BodyMotion(Part):
         0.0, description="Rate of constant and ramp [degrees/s], amplitude of sine [degrees], counter-clockwise."
     )
     pivot: Point | None = Field(None, description="What it turns about at the start [m]; the centre when absent.")
-    axis: Direction | None = Field(
+    axis: Annotated[Direction | None, IN_SPACE] = Field(
         None, description="In 3-D, along what it turns, right-handed [-]; [0, -1, 0] when absent."
     )
     begin: Coordinate = Field(0.0, description="When it begins [s].")
@@ -82,26 +84,26 @@ class Touch(Part):
         return self
 
 
-class Body(Part):
+class BodyField(Part):
     """A rigid body, moved by the fluid, gravity and what it touches, or by a prescribed motion."""
 
     name: Name = Field(description="Name of the body [-]; its record is bodies/NAME.csv.")
-    shape: Solid = Field(description="Its shape, as drawn [m].")
+    shape: SolidField = Field(description="Its shape, as drawn [m].")
     at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
     angle: Angle = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
-    axis: Direction | None = Field(
+    axis: Annotated[Direction | None, IN_SPACE] = Field(
         None, description="In 3-D, along what the drawing is turned, right-handed [-]; [0, -1, 0] when absent."
     )
     density: Density | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
     centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
-    inertia: Moments | None = Field(
+    inertia: Annotated[Moments | None, ThreeInSpace("[Jx, Jy, Jz]")] = Field(
         None,
         description="Moment of inertia about the centre [kg m2/m], in 3-D the three [Jx, Jy, Jz] along the axes of the "
         "drawing [kg m2]; that of the shape when absent.",
     )
     velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
-    spin: Angle | Triple | None = Field(
+    spin: Annotated[Angle | Triple | None, ThreeInSpace("[wx, wy, wz]")] = Field(
         None,
         description="Spin at the start or the release, counter-clockwise; in 3-D [wx, wy, wz] [rad/s]; none if absent.",
     )
@@ -116,7 +118,7 @@ class Body(Part):
     )
 
     @model_validator(mode="after")
-    def _is_possible(self) -> Body:
+    def _is_possible(self) -> BodyField:
         self._need_one_of("density", "mass")
         if self.motion:
             for name in ("velocity", "spin", "hold", "locked"):

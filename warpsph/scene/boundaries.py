@@ -8,16 +8,16 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import Coefficient, Name, Part, Point, Range, Real, Switch, fault
-from warpsph.scene.shapes import MOST_CORNERS, Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
+from warpsph.scene.fields import ACROSS, IN_SPACE, Coefficient, Name, Part, Point, Range, Real, Switch, fault
+from warpsph.scene.shapes import MOST_CORNERS, Arc, BoxField, Corner, Disc, PathPoint, refuse_width_of_box
 
 Face = Literal["left", "right", "front", "back", "bottom", "top"]
 
 
-class BoxWall(Box):
+class BoxWall(BoxField):
     """The faces of a box."""
 
-    open: tuple[Face, ...] | None = Field(None, description="Faces that are missing, in 3-D [-].")
+    open: Annotated[tuple[Face, ...] | None, IN_SPACE] = Field(None, description="Faces that are missing, in 3-D [-].")
 
     @model_validator(mode="after")
     def _has_a_face(self) -> BoxWall:
@@ -37,7 +37,7 @@ class Wall(Part):
     box: BoxWall | None = Field(None, description="Outline of an upright rectangle, in 3-D the faces of a box [m].")
     disc: Disc | None = Field(None, description="Outline of a circle [m].")
     arc: Arc | None = Field(None, description="A part of a circle [m, degrees].")
-    width: Range | None = Field(
+    width: Annotated[Range | None, ACROSS] = Field(
         None, description="In 3-D, from y to y: how far a path, disc or arc reaches across [m]."
     )
 
@@ -163,7 +163,7 @@ class Periodic(Part):
         return self
 
 
-class Image(Part):
+class ImageField(Part):
     """A mirror or a periodic pair of edges. All fluid lies on its inner side."""
 
     name: Name = Field(description="Name of the image [-].")
@@ -171,6 +171,6 @@ class Image(Part):
     periodic: Periodic | None = Field(None, description="A periodic pair instead.")
 
     @model_validator(mode="after")
-    def _is_one_image(self) -> Image:
+    def _is_one_image(self) -> ImageField:
         self._need_one_of("mirror", "periodic")
         return self

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
@@ -110,12 +112,77 @@ Moments = Annotated[
     Annotated[Positive, Tag("<number>")] | Annotated[tuple[Positive, Positive, Positive], Tag("<triple>")],
     Discriminator(lambda value: "<triple>" if isinstance(value, (list, tuple)) else "<number>"),
 ]
-# A pair in a 2-D scene and a triple in a 3-D one, which only the whole scene can know.
+
+
+class DimensionMark:
+    """What the type of a field says of its dimension, which only the whole scene can hold it to."""
+
+    def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
+        """What is wrong with the value of the field of `part` in a scene of so many dimensions; None if nothing is."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class NumbersOfPoint(DimensionMark):
+    """A point has as many numbers as the scene has dimensions."""
+
+    def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
+        """See `DimensionMark`."""
+        if value is None or len(value) == dimensions:
+            return None
+        numbers = {2: "two numbers", 3: "three numbers"}[dimensions]
+        return f"{numbers} are needed in a {dimensions}-D scene, not {len(value)}"
+
+
+@dataclass(frozen=True)
+class Only(DimensionMark):
+    """A field that goes with one number of dimensions.
+
+    Attributes:
+        dimensions: With which.
+        needed: Whether it is never absent there.
+        unless: Fields beside it, one of which may be there instead of a needed one.
+    """
+
+    dimensions: int
+    needed: bool = False
+    unless: tuple[str, ...] = ()
+
+    def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
+        """See `DimensionMark`."""
+        if dimensions != self.dimensions:
+            told = f"means nothing in a {dimensions}-D scene; it goes with 'dimensions: {self.dimensions}'"
+            return told if value is not None else None
+        if self.needed and value is None and not any(getattr(part, name, None) for name in self.unless):
+            return f"this field is missing, in a {dimensions}-D scene"
+        return None
+
+
+@dataclass(frozen=True)
+class ThreeInSpace(DimensionMark):
+    """A number in the plane, and three in space, which are called `names`."""
+
+    names: str
+
+    def fault(self, value: Any, part: Part, dimensions: int) -> str | None:
+        """See `DimensionMark`."""
+        if isinstance(value, tuple):
+            return IN_SPACE.fault(value, part, dimensions)
+        if value is not None and dimensions == 3:
+            return f"three numbers {self.names} are needed in a 3-D scene"
+        return None
+
+
+IN_PLANE, IN_SPACE = Only(2), Only(3)
+# How far what is drawn in the plane reaches across; a box and a sphere know it themselves.
+ACROSS = Only(3, needed=True, unless=("box", "sphere"))
+
 Point = Annotated[
     Annotated[tuple[Coordinate, Coordinate], Tag("<2>")]
     | Annotated[tuple[Coordinate, Coordinate, Coordinate], Tag("<3>")],
     Discriminator(lambda value: f"<{len(value)}>"),
     BeforeValidator(_numbers("two numbers [a, b] (three in a 3-D scene)", 2, 3)),
+    NumbersOfPoint(),
 ]
 Range = Annotated[Pair, AfterValidator(_increasing)]
 
@@ -129,3 +196,34 @@ class Part(BaseModel):
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             raise fault(f"exactly one of {', '.join(names)} is needed, not {' and '.join(given) or 'none'}")
+
+
+def _marks_in(annotation: Any) -> Iterator[DimensionMark]:
+    for argument in get_args(annotation):
+        if isinstance(argument, DimensionMark):
+            yield argument
+        yield from _marks_in(argument)
+
+
+@cache
+def marks_of(kind: type[Part]) -> Mapping[str, tuple[DimensionMark, ...]]:
+    """The marks of each field of a kind of part."""
+    found = {}
+    for name, field in kind.model_fields.items():
+        outermost = (one for one in field.metadata if isinstance(one, DimensionMark))
+        found[name] = (*outermost, *_marks_in(field.annotation))
+    return found
+
+
+def parts_within(value: Any, path: str = "") -> Iterator[tuple[str, Part]]:
+    """All parts of a scene within `value`, itself included, each with its path such as `fluids[1].shape`."""
+    if isinstance(value, Part):
+        yield path, value
+        for name in type(value).model_fields:
+            yield from parts_within(getattr(value, name), f"{path}.{name}" if path else name)
+    elif isinstance(value, tuple):
+        for i, one in enumerate(value):
+            yield from parts_within(one, f"{path}[{i}]")
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            yield from parts_within(one, f"{path}.{key}")

@@ -52,7 +52,7 @@ _LAW_NEEDS: Mapping[str, tuple[str, ...]] = {
 }
 
 
-class Rheology(Part):
+class RheologyField(Part):
     """How the viscosity of a fluid depends on its rate of shear."""
 
     law: Literal["newtonian", "power_law", "bingham", "herschel_bulkley"] = Field(
@@ -75,7 +75,7 @@ class Rheology(Part):
     )
 
     @model_validator(mode="after")
-    def _has_what_its_law_needs(self) -> Rheology:
+    def _has_what_its_law_needs(self) -> RheologyField:
         needed = _LAW_NEEDS[self.law]
         for name in ("exponent", "yield_stress", "viscosity_max"):
             if name in needed and getattr(self, name) is None:
@@ -89,7 +89,7 @@ class Rheology(Part):
                 raise fault(f"goes with {' and '.join(laws)}, not with {self.law}", name)
         if self.regularisation and self.yield_stress is None:
             raise fault(f"goes with a yield stress, which {self.law} has not", "regularisation")
-        if self.law == "bingham" and self.viscosity_max < self.consistency:
+        if self.law == "bingham" and (self.viscosity_max or 0.0) < self.consistency:
             raise fault(f"must be at least the consistency, {self.consistency:g} Pa s", "viscosity_max")
         return self
 
@@ -118,7 +118,7 @@ class Material(Part):
     dynamic_viscosity: NotNegative | None = Field(
         None, description="Dynamic viscosity mu [Pa s]; only the artificial one when absent."
     )
-    rheology: Rheology | None = Field(
+    rheology: RheologyField | None = Field(
         None, description="A viscosity that depends on the rate of shear, instead of dynamic_viscosity."
     )
     color: Annotated[str, Field(pattern=COLOR)] | None = Field(
@@ -132,14 +132,14 @@ class Material(Part):
         return self
 
     @property
-    def viscosity(self) -> Rheology | None:
+    def viscosity(self) -> RheologyField | None:
         """Its own viscosity as a law; None where it has none."""
         if self.dynamic_viscosity:
-            return Rheology(law="newtonian", consistency=self.dynamic_viscosity)
+            return RheologyField(law="newtonian", consistency=self.dynamic_viscosity)
         return self.rheology
 
 
-class Viscosity(Part):
+class ViscosityField(Part):
     """How forces come of the materials' own viscosities."""
 
     form: Literal["morris", "cleary", "stress"] = Field(
@@ -162,7 +162,7 @@ class Viscosity(Part):
     )
 
     @model_validator(mode="after")
-    def _can_be_stepped(self) -> Viscosity:
+    def _can_be_stepped(self) -> ViscosityField:
         if self.stages == 2:
             raise fault("two stages take no longer a step than one; 1, or 3 and more", "stages")
         if self.weights == "balanced" and self.form == "cleary":
@@ -181,7 +181,7 @@ class DensityDiffusion(Part):
     delta: Coefficient = Field(0.1, description="Coefficient of the diffusion [-].")
 
 
-class DensityFilter(Part):
+class DensityFilterField(Part):
     """Density made anew from that of all around, now and then."""
 
     model: Literal["none", "shepard", "mls"] = Field(
@@ -237,7 +237,7 @@ class ShearWave(Part):
     wavelength: Size = Field(description="Length of the wave, along z [m].")
 
 
-class Fluid(Part):
+class FluidField(Part):
     """A body of fluid, from a shape or from a fill."""
 
     name: Name = Field(description="Name of the fluid [-]; its records are fluids/NAME.csv.")
@@ -261,7 +261,7 @@ class Fluid(Part):
     )
 
     @model_validator(mode="after")
-    def _is_one_body(self) -> Fluid:
+    def _is_one_body(self) -> FluidField:
         self._need_one_of("shape", "fill")
         if self.hold and (any(self.velocity) or self.shear_wave):
             raise fault("a held fluid starts at rest", "velocity" if any(self.velocity) else "shear_wave")

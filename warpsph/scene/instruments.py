@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import Coordinate, Name, Part, Point, Real, fault
+from warpsph.scene.fields import ACROSS, Coordinate, Name, Part, Point, Real, fault
 
 
 class Observed(Part):
@@ -29,7 +29,7 @@ class Gauge(Part):
 
     name: Name = Field(description="Name of the gauge [-]; its record is gauges/NAME.csv.")
     x: Coordinate = Field(description="Where it stands, x [m].")
-    y: Coordinate | None = Field(None, description="Where it stands, y [m]; needed in 3-D.")
+    y: Annotated[Coordinate | None, ACROSS] = Field(None, description="Where it stands, y [m]; needed in 3-D.")
     bottom: Coordinate | None = Field(
         None, description="Height z at which the search for the surface ends [m]; the bed below it when absent."
     )

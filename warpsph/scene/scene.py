@@ -21,10 +21,11 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from warpsph.scene.bodies import LOCKS, Body, BodyMotion
-from warpsph.scene.boundaries import Image, Wall, WallModel
+from warpsph.scene.bodies import LOCKS, BodyField, BodyMotion
+from warpsph.scene.boundaries import ImageField, Wall, WallModel
 from warpsph.scene.fields import (
     COLOR,
+    IN_SPACE,
     NAME,
     Coefficient,
     Duration,
@@ -42,20 +43,21 @@ from warpsph.scene.fields import (
     Text,
     fault,
     faults,
+    marks_of,
     part_types,
+    parts_within,
 )
 from warpsph.scene.fluids import (
     DensityDiffusion,
-    DensityFilter,
-    Fluid,
+    DensityFilterField,
+    FluidField,
     Material,
-    Rheology,
+    RheologyField,
     Shifting,
     Smoothing,
-    Viscosity,
+    ViscosityField,
 )
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
-from warpsph.scene.shapes import Shape
 from warpsph.scene.source import SceneError, SourceMap, apply_override, closest, nearest, read_text, read_yaml, show
 from warpsph.scene.waves import PADDLE, DampingZone, WaveMaker
 
@@ -85,7 +87,7 @@ class WarmUp(Part):
         return 0.5 * self.duration if self.settling is None else min(self.settling, self.duration)
 
 
-class Run(Part):
+class RunField(Part):
     """When to stop, and how far a step reaches."""
 
     end_time: Duration = Field(description="End of the run [s]; t = 0 is the release.")
@@ -116,13 +118,13 @@ Projection = Literal["front", "above", "perspective"]
 class View(Part):
     """From where pictures are seen, and how much of the scene."""
 
-    projection: Projection | None = Field(
+    projection: Annotated[Projection | None, IN_SPACE] = Field(
         None,
         description="From where a 3-D scene is seen [-]: front (where y is least), above, or in perspective; the last "
         "when absent. A 2-D scene is seen from its front.",
     )
     x: Range | None = Field(None, description="From x to x [m]; all of it when absent.")
-    y: Range | None = Field(None, description="From y to y, in 3-D [m]; all of it when absent.")
+    y: Annotated[Range | None, IN_SPACE] = Field(None, description="From y to y, in 3-D [m]; all of it when absent.")
     z: Range | None = Field(None, description="From z to z [m]; all of it when absent.")
 
 
@@ -175,14 +177,16 @@ class Scene(Part):
     artificial_viscosity_beta: Coefficient = Field(
         0.0, description="Quadratic coefficient beta of the monaghan artificial viscosity [-]."
     )
-    viscosity: Viscosity = Field(Viscosity(), description="How forces come of the materials' own viscosities.")
+    viscosity: ViscosityField = Field(
+        ViscosityField(), description="How forces come of the materials' own viscosities."
+    )
     density_diffusion: DensityDiffusion = Field(DensityDiffusion(), description="Diffusion of density.")
     continuity: Literal["plain", "renormalised"] = Field(
         "plain",
         description="Divergence in the rate of density [-]: plain, the partner of the pressure force, or renormalised, "
         "exact for linear velocities in disorder and at a surface, for which energy is kept less well.",
     )
-    density_filter: DensityFilter = Field(DensityFilter(), description="Density made anew, now and then.")
+    density_filter: DensityFilterField = Field(DensityFilterField(), description="Density made anew, now and then.")
     shifting: Shifting = Field(Shifting(), description="A drift that keeps particles in order.")
     tensile_correction: SwitchOrBounded = Field(
         "bounded",
@@ -197,11 +201,13 @@ class Scene(Part):
     )
     walls: Annotated[tuple[Wall, ...], Field(max_length=MOST_WALLS)] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
-    images: Annotated[tuple[Image, ...], Field(max_length=6)] = Field((), description="Mirrors and periodic edges.")
-    fluids: Annotated[tuple[Fluid, ...], Field(min_length=1, max_length=MOST_FLUIDS)] = Field(
+    images: Annotated[tuple[ImageField, ...], Field(max_length=6)] = Field(
+        (), description="Mirrors and periodic edges."
+    )
+    fluids: Annotated[tuple[FluidField, ...], Field(min_length=1, max_length=MOST_FLUIDS)] = Field(
         description="Bodies of fluid; a later one leaves out places closer than one spacing to an earlier one."
     )
-    bodies: Annotated[tuple[Body, ...], Field(max_length=MOST_BODIES)] = Field((), description="Rigid bodies.")
+    bodies: Annotated[tuple[BodyField, ...], Field(max_length=MOST_BODIES)] = Field((), description="Rigid bodies.")
     wave_maker: WaveMaker | None = Field(None, description="A paddle that makes waves; it is the last of the bodies.")
     damping_zones: Annotated[tuple[DampingZone, ...], Field(max_length=MOST_GAUGES)] = Field(
         (), description="Zones in which waves are damped."
@@ -218,7 +224,7 @@ class Scene(Part):
         (), description="What passes lines, in 3-D rectangles."
     )
     warm_up: WarmUp | None = Field(None, description="Settling before the release; none when absent.")
-    run: Run = Field(description="When to stop, and how far a step reaches.")
+    run: RunField = Field(description="When to stop, and how far a step reaches.")
     output: Output = Field(Output(), description="What is written while the scene runs.")
     allow: tuple[Literal["low_sound_speed"], ...] = Field((), description="Refusals to turn into warnings [-].")
 
@@ -270,7 +276,7 @@ class Scene(Part):
             data["bodies"].pop()  # the paddle, which comes of it
         return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
 
-    def paddle(self, maker: WaveMaker) -> Body:
+    def paddle(self, maker: WaveMaker) -> BodyField:
         """The paddle of a wave maker as a body, whose motion is found when it is placed."""
         thickness, low = maker.thickness or 6.0 * self.spacing, max(maker.bed, maker.hinge or maker.bed)
         left, right, high = maker.x - thickness, maker.x, maker.upper_edge
@@ -282,7 +288,7 @@ class Scene(Part):
             # Its back is cut away below, so that it does not turn into the bed.
             cut = low + 0.3 * thickness
             shape = {"polygon": ((right, low), (right, high), (left, high), (left, cut))}
-        body = Body.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
+        body = BodyField.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
         motion = BodyMotion.model_construct(kind="waves")
         return body.model_copy(update={"motion": motion})
 
@@ -438,13 +444,13 @@ def _strange_to_instruments(scene: Scene) -> Iterator[tuple[str, str]]:
                 yield f"{kind}[{i}].observed.quantity", f"no column is named '{wanted}'{nearest(wanted, names)}"
 
 
-def _yielding(scene: Scene) -> dict[str, Rheology]:
+def _yielding(scene: Scene) -> dict[str, RheologyField]:
     """The laws with a yield stress, by material."""
     laws = {name: material.rheology for name, material in scene.materials.items()}
     return {name: law for name, law in laws.items() if law and law.yield_stress is not None}
 
 
-def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
+def _impossible_start(scene: Scene, body: BodyField) -> Iterator[tuple[str, str]]:
     """(path, message) where a body is to move as it cannot."""
     for i, lock in enumerate(body.locked):
         if lock not in LOCKS[scene.dimensions]:
@@ -463,78 +469,10 @@ def _impossible_start(scene: Scene, body: Body) -> Iterator[tuple[str, str]]:
 
 def _misplaced(scene: Scene) -> Iterator[tuple[str, str]]:
     """(path, message) for whatever belongs to a scene of the other number of dimensions."""
-    points: dict[str, tuple[float, ...] | None] = {}  # has as many numbers as the scene has dimensions
-    spatial: dict[str, Any] = {}  # not in 2-D
-    needed: dict[str, Any] = {}  # not in 2-D, and never absent in 3-D
-    plane: dict[str, Any] = {}  # not in 3-D
-    scalars: dict[str, tuple[Any, str]] = {}  # have three numbers in 3-D, which are called so
-
-    def sort_out(path: str, part: Wall | Shape) -> None:
-        if part.box:
-            points.update({f"{path}.box.min": part.box.min, f"{path}.box.max": part.box.max})
-            spatial[f"{path}.box.open"] = getattr(part.box, "open", None)
-        elif not getattr(part, "sphere", None):
-            needed[f"{path}.width"] = part.width
-
-    for i, wall in enumerate(scene.walls):
-        sort_out(f"walls[{i}]", wall)
-    points["body_force"] = scene.body_force
-    for i, image in enumerate(scene.images):
-        for kind, names in {"mirror": ("point", "normal", "velocity"), "periodic": ("start", "end")}.items():
-            if part := getattr(image, kind):
-                points |= {f"images[{i}].{kind}.{name}": getattr(part, name) for name in names}
-    for i, fluid in enumerate(scene.fluids):
-        points[f"fluids[{i}].velocity"] = fluid.velocity
-        if fluid.lattice:
-            points[f"fluids[{i}].lattice.origin"] = fluid.lattice.origin
-        if fluid.shape:
-            sort_out(f"fluids[{i}].shape", fluid.shape)
-            spatial[f"fluids[{i}].shape.sphere"] = fluid.shape.sphere
-    for i, body in enumerate(scene.bodies):
-        path = f"bodies[{i}]"
-        if body.shape.box:
-            points.update({f"{path}.shape.box.{end}": getattr(body.shape.box, end) for end in ("min", "max")})
-        points |= {f"{path}.{name}": getattr(body, name) for name in ("at", "centre", "velocity")}
-        if body.motion:
-            points |= {f"{path}.motion.{name}": getattr(body.motion, name) for name in ("shift", "pivot")}
-        spatial |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("sphere", "mesh")}
-        spatial |= {
-            f"{path}.{name}": value for name in ("spin", "inertia") if isinstance(value := getattr(body, name), tuple)
-        }
-        spatial[f"{path}.axis"] = body.axis
-        spatial[f"{path}.motion.axis"] = body.motion.axis if body.motion else None
-        plane |= {f"{path}.shape.{name}": getattr(body.shape, name) for name in ("polygon", "disc", "path")}
-        scalars |= {f"{path}.spin": (body.spin, "[wx, wy, wz]"), f"{path}.inertia": (body.inertia, "[Jx, Jy, Jz]")}
-    points |= {f"probes[{i}].at": probe.at for i, probe in enumerate(scene.probes)}
-    for kind in ("forces", "run_up"):
-        for i, part in enumerate(getattr(scene, kind)):
-            if part.part:
-                points |= {f"{kind}[{i}].part.{end}": getattr(part.part, end) for end in ("min", "max")}
-    points |= {f"forces[{i}].about": force.about for i, force in enumerate(scene.forces)}
-    for i, gate in enumerate(scene.overtopping):
-        points |= {f"overtopping[{i}].{end}": getattr(gate, end) for end in ("start", "end")}
-    if scene.wave_maker:
-        needed["wave_maker.width"] = scene.wave_maker.width
-    needed |= {f"gauges[{i}].y": gauge.y for i, gauge in enumerate(scene.gauges)}
-    view = scene.output.view
-    spatial |= {"output.view.y": view.y, "output.view.projection": view.projection}
-
-    numbers = {2: "two numbers", 3: "three numbers"}[scene.dimensions]
-    for path, point in points.items():
-        if point is not None and len(point) != scene.dimensions:
-            yield path, f"{numbers} are needed in a {scene.dimensions}-D scene, not {len(point)}"
-    if scene.dimensions == 3:
-        yield from ((path, "this field is missing, in a 3-D scene") for path, value in needed.items() if value is None)
-        for path, value in plane.items():
-            if value is not None:
-                yield path, "means nothing in a 3-D scene; it goes with 'dimensions: 2'"
-        for path, (value, names) in scalars.items():
-            if value is not None and not isinstance(value, tuple):
-                yield path, f"three numbers {names} are needed in a 3-D scene"
-    else:
-        for path, value in (spatial | needed).items():
-            if value is not None:
-                yield path, "means nothing in a 2-D scene; it goes with 'dimensions: 3'"
+    for path, part in parts_within(scene):
+        for name, marks in marks_of(type(part)).items():
+            found = (mark.fault(getattr(part, name), part, scene.dimensions) for mark in marks)
+            yield from ((f"{path}.{name}" if path else name, message) for message in found if message)
 
 
 # ------------------------------------------------------------------------------------------------------------- loading

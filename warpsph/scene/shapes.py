@@ -6,20 +6,35 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from warpsph.scene.fields import Angle, Coordinate, Line, Pair, Part, Point, Range, Real, Size, Triple, fault
+from warpsph.scene.fields import (
+    ACROSS,
+    IN_PLANE,
+    IN_SPACE,
+    Angle,
+    Coordinate,
+    Line,
+    Pair,
+    Part,
+    Point,
+    Range,
+    Real,
+    Size,
+    Triple,
+    fault,
+)
 
 # An outline of more is read slowly, and its particles are placed more slowly still.
 MOST_CORNERS = 2000
 
 
-class Box(Part):
+class BoxField(Part):
     """An upright rectangle, in 3-D an upright box."""
 
     min: Point = Field(description="Lower left corner [x, z], in 3-D the front one [x, y, z] [m].")
     max: Point = Field(description="Upper right corner [x, z], in 3-D the back one [x, y, z] [m].")
 
     @model_validator(mode="after")
-    def _has_an_inside(self) -> Box:
+    def _has_an_inside(self) -> BoxField:
         if not all(low < high for low, high in zip(self.min, self.max, strict=False)):
             behind = ", behind it" if len(self.max) == 3 else ""
             raise fault(f"must lie to the right of min{behind} and above it", "max")
@@ -33,7 +48,7 @@ class Disc(Part):
     radius: Size = Field(description="Radius [m].")
 
 
-class Ball(Part):
+class BallField(Part):
     """What lies inside a sphere."""
 
     center: Triple = Field(description="Centre [x, y, z] [m].")
@@ -71,7 +86,7 @@ PathPoint = Annotated[
 ]
 
 
-def refuse_width_of_box(box: Box | None, width: tuple[float, float] | None) -> None:
+def refuse_width_of_box(box: BoxField | None, width: tuple[float, float] | None) -> None:
     """Refuse a width beside a box."""
     if box and width:
         raise fault("a box has its width in min and max", "width")
@@ -80,13 +95,15 @@ def refuse_width_of_box(box: Box | None, width: tuple[float, float] | None) -> N
 class Shape(Part):
     """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
-    box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
+    box: BoxField | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
     polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
         None, description="Corners [x, z] of a polygon [m], either way round."
     )
     disc: Disc | None = Field(None, description="Circle [m].")
-    sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")
-    width: Range | None = Field(None, description="In 3-D, from y to y: how far a polygon or disc reaches across [m].")
+    sphere: Annotated[BallField | None, IN_SPACE] = Field(None, description="Sphere, in 3-D [m].")
+    width: Annotated[Range | None, ACROSS] = Field(
+        None, description="In 3-D, from y to y: how far a polygon or disc reaches across [m]."
+    )
 
     @model_validator(mode="after")
     def _is_one_shape(self) -> Shape:
@@ -107,21 +124,21 @@ class MeshFile(Part):
     scale: Annotated[Real, Field(ge=1e-9, le=1e9)] = Field(1.0, description="Metres to a unit of the file [-].")
 
 
-class Solid(Part):
+class SolidField(Part):
     """The shape of a rigid body: exactly one of box, polygon, disc, path, sphere and mesh."""
 
-    box: Box | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
-        None, description="Corners [x, z] of a polygon, either way round, in 2-D [m]."
+    box: BoxField | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
+    polygon: Annotated[Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE] = (
+        Field(None, description="Corners [x, z] of a polygon, either way round, in 2-D [m].")
     )
-    disc: Disc | None = Field(None, description="Circle, in 2-D [m].")
-    path: Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
-        None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m]."
+    disc: Annotated[Disc | None, IN_PLANE] = Field(None, description="Circle, in 2-D [m].")
+    path: Annotated[Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE] = (
+        Field(None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m].")
     )
-    sphere: Ball | None = Field(None, description="Sphere, in 3-D [m].")
-    mesh: MeshFile | None = Field(None, description="Closed surface from a file, in 3-D [m].")
+    sphere: Annotated[BallField | None, IN_SPACE] = Field(None, description="Sphere, in 3-D [m].")
+    mesh: Annotated[MeshFile | None, IN_SPACE] = Field(None, description="Closed surface from a file, in 3-D [m].")
 
     @model_validator(mode="after")
-    def _is_one_shape(self) -> Solid:
+    def _is_one_shape(self) -> SolidField:
         self._need_one_of("box", "polygon", "disc", "path", "sphere", "mesh")
         return self

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import Name, NotNegative, Part, Positive, Range, Real, fault
+from warpsph.scene.fields import ACROSS, Name, NotNegative, Part, Positive, Range, Real, fault
 
 # The name of the paddle among the bodies.
 PADDLE = "paddle"
@@ -41,7 +41,9 @@ class WaveMaker(Part):
     top: Real | None = Field(
         None, description="Height of its upper edge, z [m]; twice the depth over the bed if absent."
     )
-    width: Range | None = Field(None, description="In 3-D, from y to y: how far it reaches across [m].")
+    width: Annotated[Range | None, ACROSS] = Field(
+        None, description="In 3-D, from y to y: how far it reaches across [m]."
+    )
     thickness: Positive | None = Field(None, description="Its thickness [m]; six spacings when absent.")
     hinge: Real | None = Field(None, description="Height of the hinge of a flap, z [m].")
     longest_stroke: Positive | None = Field(

@@ -163,9 +163,11 @@ class Outline:
             normals[before][-1] = unit(normals[before][-1] + normals[after][0], otherwise=normals[before][-1])
             lengths[before][-1] += lengths[after][0]
         first = [1 if self.closed or i > 0 else 0 for i in range(len(self.legs))]
-        return tuple(
-            np.concatenate([a[k:] for a, k in zip(arrays, first, strict=True)]) for arrays in (points, normals, lengths)
-        )
+
+        def joined(arrays: list[Array]) -> Array:
+            return np.concatenate([a[k:] for a, k in zip(arrays, first, strict=True)])
+
+        return joined(points), joined(normals), joined(lengths)
 
 
 def counter_clockwise(outline: Outline) -> Outline:

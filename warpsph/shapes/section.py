@@ -156,10 +156,10 @@ def total_mass(measure: float, density: float | None, mass: float | None) -> flo
     """
     if (density is None) == (mass is None):
         raise ValueError("it needs a mass or a density, one of them")
-    name, value, unit = ("mass", mass, "kg") if density is None else ("density", density, "kg/m3")
-    if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"a {name} of {value:g} {unit} is not above 0")
-    return float(value if density is None else density * measure)
+    for name, value, unit in (("mass", mass, "kg"), ("density", density, "kg/m3")):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"a {name} of {value:g} {unit} is not above 0")
+    return float(density * measure if density is not None else mass or 0.0)
 
 
 def _pieces(leg: Leg) -> int:

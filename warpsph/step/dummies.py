@@ -18,7 +18,7 @@ from warpsph.state import State
 from warpsph.step.bodies import Coupling
 
 
-class Dummies:
+class DummyLists:
     """The dummies of a state: those of walls, in the order of its model's, then those of bodies.
 
     Attributes:
@@ -160,6 +160,7 @@ class Dummies:
 
     def take_loads(self) -> Callable[[], None]:
         """What finds the loads of the fluid on bodies, with the pressure that dummies have."""
+        assert self._bodies, "there are bodies, or nobody asks for their loads"
         add = self._bodies.set.sum_loads()
 
         def launch() -> None:

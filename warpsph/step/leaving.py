@@ -81,8 +81,8 @@ class Leaving:
         if first + len(slots) == self._model.particle_count:
             return False  # nothing would be left to run
         for k, slot in enumerate(slots):
-            values = (old[name][slot].copy() for name in names[:4])
-            self.gone.append(Gone(time, *values, bool(absurd[k])))
+            number, fluid, x, u = (old[name][slot].copy() for name in names[:4])
+            self.gone.append(Gone(time, number, fluid, x, u, bool(absurd[k])))
         self._dropped = dropped
         old["fluid"][slots] = nobody
         old["position"][slots] = self._places(first, len(slots))

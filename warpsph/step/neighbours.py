@@ -12,7 +12,7 @@ from warpsph.kernels.layout import Rows
 from warpsph.model import Model
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
-from warpsph.step.dummies import Dummies
+from warpsph.step.dummies import DummyLists
 from warpsph.step.ghosts import Ghosts
 
 # One row in so many may be too short: those get longer ones. Where more are, all are made longer by a quarter.
@@ -51,7 +51,7 @@ class Neighbours:
         self._long_count = 0  # how many rows are longer ones
         self.rebuilds = 0
         self.ghosts = Ghosts(model, state, self.cells, self.neighbour_count) if model.images else None
-        self.dummies = Dummies(model, state, self.cells, bodies) if model.has_dummies else None
+        self.dummies = DummyLists(model, state, self.cells, bodies) if model.has_dummies else None
         self._record()
         self._permute = self._record_permutation()
 

@@ -9,7 +9,7 @@ from warpsph.model import Model
 from warpsph.state import State
 from warpsph.step.act import Stage
 from warpsph.step.bodies import Coupling, NoBodies
-from warpsph.step.dummies import Dummies
+from warpsph.step.dummies import DummyLists
 from warpsph.step.neighbours import Neighbours
 
 
@@ -66,7 +66,7 @@ class PointWalls:
 class DummyWalls:
     """Walls and bodies of dummy particles, which pair loops take for fluid."""
 
-    def __init__(self, dummies: Dummies, bodies: Coupling | None) -> None:
+    def __init__(self, dummies: DummyLists, bodies: Coupling | None) -> None:
         self._dummies, self._bodies = dummies, bodies
 
     def press(self) -> list[Stage]:

@@ -362,7 +362,10 @@ def heave_in_tank(
         raise ValueError(f"no cubes fit a beam of {beam:g} m, a draft of {draft:g} m and the tank")
     if dimensions == 2:
         cells *= 4  # squares are cheap
-    grids = [_Cubes.of(n, *np.rint(sizes * n).astype(int), dimensions) for n in (cells, 2 * cells)]
+    grids = []
+    for n in (cells, 2 * cells):
+        to_wall, to_bed, to_bottom = np.rint(sizes * n).astype(int)
+        grids.append(_Cubes.of(n, to_wall, to_bed, to_bottom, dimensions))
     coarse, fine = (np.array(grid.heave(beam, draft, density, gravity)) for grid in grids)
     return Heave(*(fine + (fine - coarse) / (2.0 ** (4.0 / 3.0) - 1.0)).tolist())
 

@@ -89,7 +89,7 @@ class Slide:
 
 
 @dataclass(frozen=True)
-class Wave:
+class ImpulseWave:
     """A wave in a channel, or a crest or trough in a basin.
 
     Attributes:
@@ -107,7 +107,7 @@ class Wave:
     length: float
 
 
-def near_channel(slide: Slide) -> tuple[float, Wave]:
+def near_channel(slide: Slide) -> tuple[float, ImpulseWave]:
     """Where the largest wave is in a channel, x_M [m] from the impact, and that wave: eq 3.13 to 3.18.
 
     H_M = 5/9 P^(4/5) h, x_M = 11/2 P^(1/2) h, T_M = 9 P^(1/2) sqrt(h / g), a_M = 4/5 H_M, c = sqrt(g (h + a)), L = c T.
@@ -117,7 +117,7 @@ def near_channel(slide: Slide) -> tuple[float, Wave]:
     return 5.5 * math.sqrt(P) * h, _wave(slide, height, 9.0 * math.sqrt(P * h / slide.gravity))
 
 
-def far_channel(slide: Slide, distance: float) -> Wave:
+def far_channel(slide: Slide, distance: float) -> ImpulseWave:
     """The wave in a channel at a `distance` x [m] beyond x_M: eq 3.17 to 3.20.
 
     H = 3/4 (P X^(-1/3))^(4/5) h, T = 9 P^(1/4) X^(5/16) sqrt(h / g), X = x / h. At x_M it does not join `near_channel`:
@@ -128,9 +128,9 @@ def far_channel(slide: Slide, distance: float) -> Wave:
     return _wave(slide, height, 9.0 * P**0.25 * X**0.3125 * math.sqrt(h / slide.gravity))
 
 
-def _wave(slide: Slide, height: float, period: float) -> Wave:
+def _wave(slide: Slide, height: float, period: float) -> ImpulseWave:
     celerity = math.sqrt(slide.gravity * (slide.depth + 0.8 * height))
-    return Wave(height, 0.8 * height, period, celerity, celerity * period)
+    return ImpulseWave(height, 0.8 * height, period, celerity, celerity * period)
 
 
 # Of the first crest, the first trough and the second crest: factors of the decay with distance and with angle.
@@ -196,7 +196,7 @@ def in_words(slide: Slide, distance: float | None = None, *, basin: bool = False
     return lines
 
 
-def _of(wave: Wave) -> str:
+def _of(wave: ImpulseWave) -> str:
     return (
         f"height {wave.height:.3g} m, amplitude {wave.amplitude:.3g} m, period {wave.period:.3g} s, "
         f"celerity {wave.celerity:.3g} m/s, length {wave.length:.3g} m"

@@ -25,7 +25,7 @@ LEAST_SLOPE = 30.0
 
 
 @dataclass(frozen=True)
-class Slide:
+class BlockImpact:
     """What came of one block.
 
     Attributes:
@@ -61,7 +61,7 @@ class Slide:
     gap: float
 
 
-def slide_of(run: Run) -> Slide | None:
+def slide_of(run: Run) -> BlockImpact | None:
     """From the records of a finished run, and its last state; None if no block sank, or no wave passed both gauges."""
     scene, simulation = run.scene, run.simulation
     fill = next(fluid for fluid in scene.fluids if fluid.fill)
@@ -91,7 +91,7 @@ def slide_of(run: Run) -> Slide | None:
     slide = {"mass": body.mass.mass, "slope": -scene.bodies[0].angle, "density": density}
     by_law = amplitude_by_law(impact.froude, corners, depth=depth, gauge=far.x, **slide)
     reflected = find_crest(time[back], np.append(level[0], level[back][1:]))[0] if back.sum() > 5 else np.nan
-    return Slide(
+    return BlockImpact(
         impact,
         (first, last),
         find_crest(time, level)[0],
@@ -166,7 +166,7 @@ def measure_block_mki(run: Run) -> list[Result]:
     ]
 
 
-def _sound(slide: Slide) -> list[Result]:
+def _sound(slide: BlockImpact) -> list[Result]:
     """What must hold for every block."""
     return [
         _within("energy of the wave over the kinetic energy of the block at the impact", slide.share),
@@ -195,7 +195,7 @@ def measure_mki_series(runs: Sequence[Run], folder: Path) -> list[Result]:
 
 
 def _measure_series(
-    runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[Slide], float], source: str
+    runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[BlockImpact], float], source: str
 ) -> list[Result]:
     """One line for each speed, and whether amplitudes grow with the Froude number; the curve goes to `folder`."""
     found = [slide_of(run) for run in runs]
