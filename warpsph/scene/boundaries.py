@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import Coefficient, Name, Part, Point, Range, Real, Switch, fault
+from warpsph.scene.fields import LEAST, NEAREST, Coefficient, Name, Part, Point, Range, Real, Switch, fault
 from warpsph.scene.shapes import MOST_CORNERS, Arc, Box, Corner, Disc, PathPoint, refuse_width_of_box
 
 Face = Literal["left", "right", "front", "back", "bottom", "top"]
@@ -124,7 +124,7 @@ class Mirror(Part):
 
     @model_validator(mode="after")
     def _slides_along_itself(self) -> Mirror:
-        if not any(self.normal):
+        if math.hypot(*self.normal) < LEAST:
             raise fault("has no direction", "normal")
         if self.velocity:
             if len(self.velocity) != len(self.normal):
@@ -145,7 +145,7 @@ class Periodic(Part):
 
     @model_validator(mode="after")
     def _has_a_length(self) -> Periodic:
-        if self.start == self.end:
+        if len(self.start) == len(self.end) and math.dist(self.start, self.end) < NEAREST:
             raise fault("must not be start", "end")
         return self
 
