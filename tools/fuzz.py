@@ -226,10 +226,10 @@ def scene_text(seed: int, number: int, known: dict[str, dict[str, Any]]) -> str:
 
 
 def scene_command(seed: int, number: int, file: str) -> list[str]:
-    """What is done with a scene: most are checked, some are run for two steps."""
+    """What is done with a scene: most are checked, some are run for a few steps."""
     if random.Random(f"way {seed} {number}").random() < 0.85:
         return ["check", file, "--threads", "1"]
-    return ["scene", file, "--threads", "1", "--out", "run", "--set", "run.max_steps=2"]
+    return ["scene", file, "--threads", "1", "--out", "run", "--until", "1e-4"]
 
 
 def command_line(seed: int, number: int) -> list[str]:

@@ -98,7 +98,7 @@ class Run(Part):
         "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
     )
     max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(
-        None, description="Greatest number of steps [-]; no limit when absent."
+        None, description="Number of steps from which on the run stops, at its next record [-]; no limit when absent."
     )
     absurd: Literal["stop", "drop"] = Field(
         "stop",
