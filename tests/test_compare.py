@@ -56,3 +56,8 @@ def test_mistakes_are_one_line(runs, tmp_path, capsys):
     ):
         assert main(["compare", *map(str, words)]) == INPUT
         assert complaint in capsys.readouterr().err
+
+
+def test_a_file_of_the_user_among_the_gauges_is_left_out(runs):
+    (runs[0] / "gauges/measured.csv").write_text("t;h\n0;1\n")
+    assert len(compare(runs).rows) == 2

@@ -141,7 +141,9 @@ def test_a_member_that_is_killed_is_begun_anew(tank, tmp_path, monkeypatch):
         (["--set", "gravity=9,9.0,9"], "is a value given twice"),
         (["--samples", "4", "--set", "gravity=9"], "needs a range"),
         (["--samples", "4", "--set", "gravity=9:8"], "must be less"),
+        (["--samples", "99999999", "--set", "gravity=8:9"], "at most 10,000"),
         (["--scheduler", "tcp://127.0.0.1:1", "--set", "gravity=9,8"], "127.0.0.1"),
+        (["--scheduler", "nonsense", "--set", "gravity=9,8"], "--scheduler nonsense: "),
     ],
 )
 def test_mistakes_are_one_line(tank, tmp_path, capsys, words, complaint):
@@ -149,3 +151,21 @@ def test_mistakes_are_one_line(tank, tmp_path, capsys, words, complaint):
         pytest.importorskip("distributed")
     assert main(["sweep", str(tank), *words, "--out", str(tmp_path / "out")]) == INPUT
     assert complaint in capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_what_no_sweep_has_written_is_spared(tank, tmp_path, capsys):
+    """Told before anything is run."""
+    for name in ("sweep.csv", "sweep.json", "sweep.html"):
+        folder = tmp_path / name.replace(".", "_")
+        folder.mkdir()
+        (folder / name).write_text("mine")
+        assert main(["sweep", str(tank), "--set", "gravity=9,8", "--out", str(folder)]) == INPUT
+        assert f"{name}: is there already, and was not written by a sweep" in capsys.readouterr().err
+        assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "mine"
+
+
+def test_members_are_countable_and_their_folders_have_names(tank):
+    with pytest.raises(sweep.SweepError, match="1,000,000 combinations; 10,000 are the most"):
+        sweep.product({name: ["1"] * 100 for name in "abc"})
+    names = [member.name for member in sweep.members(tank, [{"title": "x" * 300}, {"title": "x" * 299 + "y"}])]
+    assert len(set(names)) == 2 and max(map(len, names)) <= sweep.LONGEST_NAME

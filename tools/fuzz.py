@@ -35,6 +35,25 @@ MOST_LETTERS, MOST_LINES = 600, 14
 # As on a small machine: what takes more is refused, and what is not is set up in seconds [bytes].
 FREE_MEMORY = 6e8
 
+# All that a scene may have besides, at once; it is also what the commands run, since it is short.
+BASIN = """
+title: A basin with everything
+spacing: 0.05
+materials: {water: {density: 1000.0, sound_speed: 40.0}}
+walls: [{name: tank, path: [[-1.0, 0.8], [-1.0, 0.0], [3.0, 0.0], [4.0, 0.8]]}]
+fluids: [{name: water, material: water, fill: {level: 0.4, above: tank, between: [0.0, 4.0]}}]
+bodies: [{name: box, shape: {box: {min: [1.0, 0.5], max: [1.2, 0.7]}}, density: 500.0, locked: [x], spin: 0.1}]
+wave_maker: {waves: regular, x: 0.0, depth: 0.4, height: 0.05, period: 1.2, ramp: 0.5}
+damping_zones: [{name: beach, end: 3.5, wavelengths: 0.5}]
+gauges: [{name: middle, x: 2.0}]
+probes: [{name: corner, at: [3.0, 0.0]}, {name: rider, at: [1.1, 0.5], body: box}]
+forces: [{name: slope, wall: tank, part: {min: [3.0, 0.0], max: [4.0, 0.8]}, about: [3.0, 0.0]}]
+run_up: [{name: reached, wall: tank, part: {min: [3.0, 0.0], max: [4.0, 0.8]}}]
+overtopping: [{name: over, start: [2.0, 0.0], end: [2.0, 0.8]}]
+run: {end_time: 0.02, absurd: drop}
+output: {frames_per_second: 100, vtk: true, view: {x: [0.0, 4.0], z: [0.0, 1.0]}, speed_scale: 2.0}
+"""
+
 NUMBERS = (0, -1, 1, 1e-9, 1e-4, 1e9, 1e300, -1e300, 5e-324, 1e12, -1e8, float("inf"), float("nan"), 2**62, 10**17)
 WORDS = (
     "",
@@ -53,6 +72,8 @@ WORDS = (
     "-",
     "%s{}",
 )
+SLIDE = ("speed", "thickness", "depth", "slope", "density", "width", "volume", "distance")
+LISTS = ("walls", "fluids", "bodies", "damping_zones", "gauges", "probes", "forces", "run_up", "overtopping")
 ODD = (None, True, [], {}, [[]], {"a": 1}, [1], "word", [1, 2, 3, 4])
 
 
@@ -60,11 +81,11 @@ ODD = (None, True, [], {}, [[]], {"a": 1}, [1], "word", [1, 2, 3, 4])
 
 
 def bases() -> dict[str, dict[str, Any]]:
-    """The scenes that ship, as coarse as they can be placed."""
+    """The scenes that ship, as coarse as they can be placed, and one that has everything."""
     from warpsph.placement.place import place
     from warpsph.scene.scene import SceneError, load_scene
 
-    found = {}
+    found = {"basin": yaml.safe_load(BASIN)}
     for path in sorted((ROOT / "scenes").glob("*.yaml")):
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
         data["run"] = {"end_time": 0.02}
@@ -136,7 +157,7 @@ def _key(chance: random.Random, data: dict[str, Any]) -> None:
 def _many(chance: random.Random, data: dict[str, Any]) -> None:
     """A list has its entries many times over, names made new."""
     lists = [path for path in places(data) if isinstance(at(data, path), list) and at(data, path)]
-    path = chance.choice([(name,) for name in ("walls", "fluids", "bodies", "gauges") if data.get(name)] or lists)
+    path = chance.choice([(name,) for name in LISTS if data.get(name)] or lists)
     entries = at(data, path)
     times = min(chance.choice([2, 100, 1000]), 2000 // len(entries))
     made = [copy.deepcopy(entry) for _ in range(times) for entry in entries]
@@ -151,7 +172,7 @@ def _large(chance: random.Random, data: dict[str, Any]) -> None:
     if chance.random() < 0.5:
         data["spacing"] = chance.choice([1e-4, 1e-6, 1e-3])
         return
-    for name in ("walls", "fluids", "bodies", "gauges"):
+    for name in LISTS:
         for path in places(data.get(name)):
             value = at(data[name], path)
             if type(value) in (int, float) and path[-1] not in ("density", "angle", "mass"):
@@ -205,24 +226,40 @@ def scene_text(seed: int, number: int, known: dict[str, dict[str, Any]]) -> str:
 
 
 def scene_command(seed: int, number: int, file: str) -> list[str]:
-    """What is done with a scene: most are checked, some are run for two steps."""
+    """What is done with a scene: most are checked, some are run for a few steps."""
     if random.Random(f"way {seed} {number}").random() < 0.85:
         return ["check", file, "--threads", "1"]
-    return ["scene", file, "--threads", "1", "--out", "run", "--set", "run.max_steps=2"]
+    return ["scene", file, "--threads", "1", "--out", "run", "--until", "1e-4"]
 
 
 def command_line(seed: int, number: int) -> list[str]:
     """A mutated command line."""
     chance = random.Random(f"command {seed} {number}")
-    tank = str(ROOT / "scenes" / "still_water.yaml")
     words = chance.choice(
         [
-            ["scene", tank, "--out", "run", "--until", "0.001"],
-            ["scene", "still_water", "--set", "output.pictures=false", "--until", "0.001", "--overwrite"],
-            ["check", tank, "--set", "spacing=0.02"],
+            ["scene", "basin.yaml", "--out", "run", "--until", "0.001"],
+            ["scene", "basin.yaml", "--set", "output.pictures=false", "--until", "0.001", "--overwrite"],
+            ["check", "still_water", "--set", "spacing=0.02"],
+            ["check", "basin.yaml", "--picture", "x.png"],
             ["check", "run"],
             ["resume", "run", "--until", "1"],
             ["report", "run"],
+            ["surface", "run"],
+            ["compare", "run", "other", "--out", "page.html"],
+            [
+                "sweep",
+                "basin.yaml",
+                "--set",
+                "spacing=0.05,0.1",
+                "--until",
+                "0.001",
+                "--out",
+                "sweep",
+                "--workers",
+                "1",
+            ],
+            ["screen", *(f"--{name}=2" for name in SLIDE)],
+            ["completion", "bash"],
             ["validate", "--list"],
             ["validate", "nothing", "--json", "out.json"],
             ["list"],
@@ -315,7 +352,9 @@ def work() -> int:
         job = json.loads(line)
         with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
             os.chdir(folder)
-            if "text" in job:
+            if "text" not in job:
+                Path("basin.yaml").write_text(BASIN)
+            else:
                 Path("scene.yaml").write_bytes(job["text"].encode("utf-8", "surrogatepass"))
             os.dup2(out.fileno(), 1), os.dup2(err.fileno(), 2)
             code, trace = -1, ""
@@ -326,9 +365,7 @@ def work() -> int:
             except BaseException:
                 trace = traceback.format_exc()
             sys.stdout.flush(), sys.stderr.flush()
-            wrote = sorted(
-                str(path) for path in Path(".").rglob("*") if path.name != "scene.yaml" or path.parent != Path(".")
-            )
+            wrote = sorted(str(path) for path in Path(".").rglob("*") if str(path) not in ("scene.yaml", "basin.yaml"))
             os.chdir("/")
             told = []
             for stream in (out, err):
@@ -345,6 +382,7 @@ class Worker:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
+        self.seconds, self.peak = 0.0, 0.0  # of the last member: a processor's time [s], most memory [bytes]
 
     def run(self, job: dict[str, Any], most_seconds: float = MOST_SECONDS) -> tuple[dict[str, Any] | None, str]:
         """The answer, or None and why there is none."""
@@ -355,9 +393,9 @@ class Worker:
                 command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
             )
             # What is loaded and compiled once is not the member's.
-            tank = str(ROOT / "scenes" / "still_water.yaml")
-            self.run({"arguments": ["scene", tank, "--out", "run", "--until", "0.001", "--threads", "1"]}, 1e3)
+            self.run({"arguments": ["scene", "basin.yaml", "--out", "run", "--threads", "1"]}, 1e3)
         process, began, entered = self._process, self._seconds(), time.monotonic()
+        Path(f"/proc/{process.pid}/clear_refs").write_text("5")  # the peak of memory starts anew
         process.stdin.write(json.dumps(job) + "\n")
         process.stdin.flush()
         while not select.select([process.stdout], [], [], 0.05)[0]:
@@ -367,12 +405,13 @@ class Worker:
             if self._seconds() - began > most_seconds or time.monotonic() - entered > 20.0 * most_seconds:
                 return None, self._end(f"hangs for {MOST_SECONDS:g} s")
         line = process.stdout.readline()
+        self.seconds, self.peak = self._seconds() - began, self._bytes("VmHWM")
         return (json.loads(line), "") if line else (None, self._end("ends the process"))
 
-    def _bytes(self) -> float:
+    def _bytes(self, which: str = "VmRSS") -> float:
         try:
             status = Path(f"/proc/{self._process.pid}/status").read_text()
-            return 1024.0 * int(re.search(r"VmRSS:\s+(\d+)", status)[1])
+            return 1024.0 * int(re.search(which + r":\s+(\d+)", status)[1])
         except (OSError, TypeError):
             return 0.0
 
@@ -411,14 +450,13 @@ def main(arguments: list[str]) -> int:
     if options.only:
         members = [(options.only[0], int(options.only[1]))]
     known, worker, findings, codes = bases(), Worker(), 0, dict[Any, int]()
-    began, slowest = time.monotonic(), (0.0, "")
+    began, slowest, largest = time.monotonic(), (0.0, ""), (0.0, "")
     for kind, number in members:
         if kind == "scene":
             text = scene_text(options.seed, number, known)
             job = {"arguments": scene_command(options.seed, number, "scene.yaml"), "text": text}
         else:
             job = {"arguments": command_line(options.seed, number)}
-        started = time.monotonic()
         answer, why = worker.run(job)
         if why.startswith("hangs"):
             answer, why = worker.run(job)
@@ -430,11 +468,12 @@ def main(arguments: list[str]) -> int:
         findings += bool(wrong)
         code = answer["code"] if answer else None
         codes[code] = codes.get(code, 0) + 1
-        slowest = max(slowest, (time.monotonic() - started, f"{kind} {number}"))
+        slowest = max(slowest, (worker.seconds, f"{kind} {number}"))
+        largest = max(largest, (worker.peak, f"{kind} {number}"))
     worker.close()
     told = ", ".join(f"{count} with exit code {code}" for code, count in sorted(codes.items(), key=str))
     print(f"{len(members)} members in {time.monotonic() - began:.0f} s: {told}; {findings} went wrong")
-    print("slowest: {1}, {0:.1f} s".format(*slowest))
+    print(f"slowest: {slowest[1]}, {slowest[0]:.1f} s; most memory: {largest[1]}, {largest[0] / 1e9:.2f} GB")
     return 1 if findings else 0
 
 

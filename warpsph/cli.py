@@ -8,6 +8,7 @@ import argparse
 import contextlib
 import json
 import logging
+import math
 import os
 import re
 import sys
@@ -22,9 +23,12 @@ from warpsph.device.launch import DeviceError
 from warpsph.output.checkpoint import CheckpointError
 from warpsph.output.progress import tell
 from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
-from warpsph.scene.source import nearest
+from warpsph.scene.source import nearest, show
 
 OK, INVALID, INPUT, BLOWN_UP, MACHINE, STOPPED_EARLY = 0, 1, 2, 3, 4, 5
+
+# No machine has more: threads that share a core get in each other's way.
+MOST_CORES = 1024
 
 _PACKAGE = Path(__file__).parent
 # Beside the package in a wheel, beside its folder in a checkout.
@@ -93,13 +97,13 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument(
             "--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene"
         )
-        one.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+        one.add_argument("--until", type=_number, metavar="SECONDS", help="end time instead of the scene's [s]")
     scene.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
     scene.add_argument("--overwrite", action="store_true", help="replace the run that the folder holds")
 
     resume = command("resume", _resume, "go on from the last checkpoint of a run, bit for bit")
     resume.add_argument("run", type=Path, help="run folder")
-    resume.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+    resume.add_argument("--until", type=_number, metavar="SECONDS", help="end time instead of the scene's [s]")
     validate = command("validate", _validate, "reproduce the case studies: measured against reference, pass or fail")
     validate.add_argument("cases", nargs="*", metavar="CASE", help="cases to run (default: all)")
     validate.add_argument("--list", action="store_true", help="name the cases and run nothing")
@@ -107,13 +111,11 @@ def _parser() -> argparse.ArgumentParser:
     validate.add_argument("--out", type=Path, default=Path("runs/validate"), help="folder for the runs")
     for one in (scene, check, resume, validate):
         one.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
-        one.add_argument("--threads", type=_positive, help="CPU threads (default: all cores)")
+        one.add_argument("--threads", type=_cores, help="CPU threads (default: all cores)")
 
     surface = command("surface", _surface, "make a mesh of the water's surface, frame by frame, in the cache of a run")
     surface.add_argument("run", type=Path, help="run folder")
-    surface.add_argument(
-        "--threads", type=_positive, default=os.cpu_count() or 1, help="CPU threads (default: all cores)"
-    )
+    surface.add_argument("--threads", type=_cores, default=os.cpu_count() or 1, help="CPU threads (default: all cores)")
 
     sweep = command(
         "sweep", _sweep, "run a scene many times with fields varied: all combinations, or samples of ranges"
@@ -122,13 +124,11 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument(
         "--set", action="append", default=[], metavar="PATH=A,B,C", help="values of a field, or its range LOW:HIGH"
     )
-    sweep.add_argument("--until", type=float, metavar="SECONDS", help="end time instead of the scene's [s]")
+    sweep.add_argument("--until", type=_number, metavar="SECONDS", help="end time instead of the scene's [s]")
     sweep.add_argument("--samples", type=_positive, help="a Latin hypercube of so many members in the ranges")
-    sweep.add_argument("--seed", type=int, default=0, help="of the samples (default: 0)")
+    sweep.add_argument("--seed", type=_whole, default=0, help="of the samples (default: 0)")
     sweep.add_argument("--out", type=Path, help="folder for the members (default: runs/NAME_sweep)")
-    sweep.add_argument(
-        "--workers", type=_positive, help="members at a time; they share the cores (default: a core each)"
-    )
+    sweep.add_argument("--workers", type=_cores, help="members at a time; they share the cores (default: a core each)")
     sweep.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
     sweep.add_argument(
         "--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the members, such as tcp://..."
@@ -157,7 +157,9 @@ def _parser() -> argparse.ArgumentParser:
         "--distance", type=_above_zero, metavar="NUMBER", help="a place to tell the wave of as well [m]"
     )
     screen.add_argument("--basin", action="store_true", help="waves that spread in a basin, not in a channel")
-    screen.add_argument("--angle", type=float, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin")
+    screen.add_argument(
+        "--angle", type=_number, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin"
+    )
     command("list", _list, "name the scenes that ship with warpsph")
     command("schema", _schema, "print the JSON Schema of a scene file, for editors")
     completion = command(
@@ -198,14 +200,33 @@ def _help(parser: argparse.ArgumentParser) -> int:
 
 
 def _positive(text: str) -> int:
+    return _whole(text, least=1)
+
+
+def _cores(text: str) -> int:
+    return _whole(text, 1, MOST_CORES)
+
+
+def _whole(text: str, least: int = 0, most: float = math.inf) -> int:
+    if not re.fullmatch(r"\s*[-+]?[0-9]{1,18}\s*", text):
+        raise argparse.ArgumentTypeError(f"a whole number is needed, not {show(text)}")
     value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be 1 or more, not {value}")
+    if value < least:
+        raise argparse.ArgumentTypeError(f"must be {least} or more, not {value}")
+    if value > most:
+        raise argparse.ArgumentTypeError(f"must be {most:g} or less, not {value}")
     return value
 
 
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a number is needed, not {show(text)}") from None
+
+
 def _above_zero(text: str) -> float:
-    value = float(text)
+    value = _number(text)
     if not 0.0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be more than 0, not {text}")
     return value
@@ -514,7 +535,7 @@ def _surface(options: argparse.Namespace) -> int:
     except SurfaceError as error:
         return _complain(str(error), INPUT)
     if not found:
-        return _complain(f"{folder}: no frame of it holds a particle", INPUT)
+        return _complain(f"{folder}: there is no water in any of its frames", INPUT)
     open_ones = [mesh for mesh in found if not mesh.is_closed]
     low, high = (pick(mesh.share for mesh in found) for pick in (min, max))
     farthest = max(abs(mesh.moved) for mesh in found)

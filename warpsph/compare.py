@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from warpsph.output.gauge_waves import describe_gauge
 from warpsph.output.pages import write_table
 from warpsph.output.plots import TIME, line_colors, name_lines, small_plot
-from warpsph.output.records import read_record
+from warpsph.output.records import read_records
 
 WAVE = ("still level [m]", "arrival [s]", "crest [m]", "crest time [s]", "trough [m]", "period [s]")
 HEADINGS = ("run, gauge", *WAVE, "crest / first's", "off the first, rms [m]", "off the first, most [m]")
@@ -92,7 +92,7 @@ def write_comparison(folders: Sequence[Path], page: Path) -> Overlay:
 def _gauges(folder: Path) -> dict[str, dict[str, np.ndarray]]:
     if not (folder / "scene.yaml").exists():
         raise CompareError(f"{folder}: not a run folder (it has no scene.yaml)")
-    found = {path.stem: read_record(path) for path in sorted(folder.glob("gauges/*.csv"))}
+    found = read_records(folder.glob("gauges/*.csv"), "level [m]")
     found = {name: record for name, record in found.items() if len(record[TIME]) > 1}
     if not found:
         raise CompareError(f"{folder}: has no record of a gauge")

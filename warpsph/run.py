@@ -366,7 +366,11 @@ class Run:
         mass = model.parameters.mass.numpy()[: len(model.fluid_names)].astype(float)
         placed = float(mass @ self.simulation.start.counts)
         gone = read_record(self.folder / "left.csv")["fluid"].astype(int)
-        drift, converted = drift_and_converted(read_record(self.folder / "energy.csv"))
+        # What water of this weight has to lose on its way to the ground, on the average.
+        start = self.simulation.start
+        height = float(start.fluid_box[1][2]) - start.ground
+        at_stake = 0.5 * placed * self.scene.gravity * height
+        drift, converted = drift_and_converted(read_record(self.folder / "energy.csv"), at_stake)
         here = sum(motion.mass for motion in motions)
         facts = {"mass / mass placed": (here + float(mass[gone].sum())) / placed}
         if converted:

@@ -11,6 +11,7 @@ import csv
 import io
 import itertools
 import json
+import math
 import os
 import re
 import subprocess
@@ -26,15 +27,20 @@ from matplotlib.figure import Figure
 
 from warpsph.output.claim import digest, read_json, write_whole
 from warpsph.output.gauge_waves import describe_gauge
-from warpsph.output.pages import write_table
-from warpsph.output.plots import TIME, line_colors, name_lines, small_plot
-from warpsph.output.records import read_record
+from warpsph.output.pages import is_ours, write_table
+from warpsph.output.plots import line_colors, name_lines, small_plot
+from warpsph.output.records import read_records
 from warpsph.scene.scene import Scene, SceneError, load_scene
 
 ATTEMPTS = 3  # of a member whose process is killed
 PERIOD = 0.1  # at which processes are looked after [s]
 DIGEST = ".sweep"  # the file in a member's folder that tells which scene it was run with
+PAGE, TABLES = "sweep.html", ("sweep.csv", "sweep.json")  # what comes of it
 GAUGE = ("crest [m]", "arrival [s]", "trough [m]", "period [s]")
+# More members than this are a slip: each has a folder, and a row of the table.
+MOST_MEMBERS = 10_000
+# A longer name is longer than the name of a folder may be.
+LONGEST_NAME = 120
 _RANGE = re.compile(r"([-+.\deE]+):([-+.\deE]+)")
 _ONE_AT_A_TIME = threading.Lock()  # in a worker: a member has all of its threads
 
@@ -101,7 +107,9 @@ def _split(text: str) -> list[str]:
 
 
 def product(settings: dict[str, list[str]]) -> list[dict[str, str]]:
-    """All combinations of values."""
+    """All combinations of values. Raises SweepError where they are more than anybody wants."""
+    if (count := math.prod(map(len, settings.values()))) > MOST_MEMBERS:
+        raise SweepError(f"--set: {count:,} combinations; {MOST_MEMBERS:,} are the most")
     return [dict(zip(settings, values, strict=True)) for values in itertools.product(*settings.values())]
 
 
@@ -116,6 +124,8 @@ def latin_hypercube(settings: dict[str, list[str]], count: int, seed: int) -> li
     for path, values in settings.items():
         if len(values) > 1:
             raise SweepError(f"--set {path}: with --samples it is one value or a range LOW:HIGH")
+    if count > MOST_MEMBERS:
+        raise SweepError(f"--samples: must be at most {MOST_MEMBERS:,}, not {count:,}")
     bounds = [[float(found[1]), float(found[2])] for found in ranges.values()]
     for path, (low, high) in zip(ranges, bounds, strict=True):
         if not low < high:
@@ -123,7 +133,7 @@ def latin_hypercube(settings: dict[str, list[str]], count: int, seed: int) -> li
     try:
         from SALib.sample import latin
     except ImportError:
-        raise SweepError("--samples needs SALib: pip install 'warpsph-waves[sweep]'") from None
+        raise SweepError("--samples needs SALib: python -m pip install SALib") from None
     problem = {"num_vars": len(ranges), "names": list(ranges), "bounds": bounds}
     samples = latin.sample(problem, count, seed=seed)
     fixed = {path: values[0] for path, values in settings.items() if path not in ranges}
@@ -139,6 +149,8 @@ def members(file: Path, choices: Sequence[dict[str, str]], until: float | None =
     for choice in choices:
         name = ",".join(f"{labels[path]}={choice[path]}" for path in varied) or file.stem
         name = re.sub(r"[^\w.,=+\[\]-]+", "_", name)
+        if len(name.encode()) > LONGEST_NAME:
+            name = f"{name.encode()[: LONGEST_NAME // 2].decode(errors='ignore')}...{digest(name.encode())[:8]}"
         if name in seen:
             raise SweepError(f"two members would be called {name}; is a value given twice?")
         seen.add(name)
@@ -214,10 +226,10 @@ def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device
     try:
         from distributed import Client, as_completed
     except ImportError:
-        raise SweepError("--scheduler needs Dask: pip install 'warpsph-waves[sweep]'") from None
+        raise SweepError("--scheduler needs Dask: python -m pip install distributed") from None
     try:
         client = Client(address, timeout="10s")
-    except OSError as error:
+    except (OSError, ValueError) as error:  # nobody answers, or it is no address
         raise SweepError(f"--scheduler {address}: {error}") from None
     with client:
         by_key = {}
@@ -272,7 +284,15 @@ def _mark(member: Member, folder: Path) -> None:
 def sweep(
     todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[MemberResult]]
 ) -> Iterator[MemberResult]:
-    """All members in turn: those that are done or refused at once, the others as `run` ends them."""
+    """All members in turn: those that are done or refused at once, the others as `run` ends them.
+
+    Raises SweepError, before anything is run, where the results would take the place of what no sweep has written.
+    """
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise SweepError(f"{folder}: is there already and is no folder; choose another --out")
+    for name in (PAGE, *TABLES):
+        if (folder / name).exists() and not is_ours(folder / PAGE):
+            raise SweepError(f"{folder / name}: is there already, and was not written by a sweep; choose another --out")
     folder.mkdir(parents=True, exist_ok=True)
     left = []
     for member in todo:
@@ -317,11 +337,9 @@ def _value(text: str) -> float | str:
 def _numbers(folder: Path) -> dict[str, float]:
     """What a run came to."""
     found: dict[str, float] = {}
-    for path in sorted(folder.glob("gauges/*.csv")):
-        record = read_record(path)
-        if len(record[TIME]):
-            wave = describe_gauge(*record.values())
-            found |= {f"{path.stem}: {name}": wave[name] for name in GAUGE if name in wave}
+    for gauge, record in read_records(folder.glob("gauges/*.csv"), "level [m]").items():
+        wave = describe_gauge(*record.values())
+        found |= {f"{gauge}: {name}": wave[name] for name in GAUGE if name in wave}
     facts = read_json(folder / "run.json")
     for name, impact in facts.get("impacts", {}).items():
         found[f"{name}: impact [m/s]"] = impact["speed [m/s]"]
@@ -362,15 +380,15 @@ def write_results(results: Sequence[MemberResult], folder: Path, title: str) -> 
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerows([headings, *rows])
-    write_whole(folder / "sweep.csv", text.getvalue())
     facts = [{"member": one.member.name, "values": one.member.values, "outcome": one.outcome} for one in results]
-    write_whole(folder / "sweep.json", json.dumps(facts, indent=1) + "\n")
     done = sum(result.outcome == "done" for result in results)
     links = {one.member.name: f"{one.member.name}/report.html" for one in results if one.outcome == "done"}
-    page = folder / "sweep.html"
+    page = folder / PAGE
     words = [f"{done} of {len(results)} members are done; the table is in sweep.csv too."]
     figures = plots_over(headings, rows, varied)
     write_table(page, title=title, words=words, headings=headings, rows=rows, links=links, figures=figures)
+    for name, written in zip(TABLES, (text.getvalue(), json.dumps(facts, indent=1) + "\n"), strict=True):
+        write_whole(folder / name, written)
     return page
 
 

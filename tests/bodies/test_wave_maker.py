@@ -128,6 +128,9 @@ def test_a_flume_on_a_map_is_the_same_flume(make_scene):
             ["damping_zones[0].wavelengths=6"],
             r"zone is 7.27 m long, and its water reaches 2.98 m .* less than 2.46 fit",
         ),
+        (["damping_zones[0].wavelengths=0.01"], r"the zone is 0.0\d* m long, less than 4 spacings"),
+        (["wave_maker.depth=1e8"], "wave_maker: its paddle cannot be drawn: must be at most"),
+        (["wave_maker.top=1e6"], r"wave_maker: it is 1e\+06 m wide, and the walls 3.6 m"),
         (["damping_zones[0].depth=-1"], r"damping_zones\[0\].depth: must be more than 0"),
         (
             ["walls[0].path[0]=[-0.13, 0.5]", "walls[0].path[1]=[-0.13, 0.0]", "wave_maker.height=0.06"],

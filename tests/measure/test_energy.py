@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from warpsph.measure.energy import drift_and_converted
 from warpsph.simulation import Simulation
 
 # Share of the energy converted that the budget may lose: what a step of second order leaves.
@@ -93,3 +94,17 @@ def test_motion_of_each_fluid(make_collapse, device):
         assert motion.front == snapshot.position[mine, 0].max()
         fastest = np.linalg.norm(snapshot.velocity[mine], axis=1).max()
         assert motion.top_speed == pytest.approx(fastest, rel=1e-6)
+
+
+def test_drift_is_a_share_of_what_is_converted_wherever_heights_count_from():
+    """10 N fall by 1 m, and 0.5 J of 10 J are lost; then water that a paddle drives; then water at rest."""
+    time = np.linspace(0.0, 1.0, 11)
+    for datum in (0.0, 1e6, -1e6):
+        total = {"total [J]": 10.0 * datum - 0.5 * time}
+        fallen = total | {"kinetic [J]": 10.0 * time, "potential [J]": 10.0 * (datum - time)}
+        assert drift_and_converted(fallen, at_stake=10.0) == pytest.approx((0.5, 10.0), rel=1e-6)
+        driven = fallen | {"kinetic [J]": 80.0 * time}
+        assert drift_and_converted(driven, at_stake=10.0) == pytest.approx((0.5, 80.0), rel=1e-6)
+        rest = total | {"kinetic [J]": 1e-6 * time, "potential [J]": 10.0 * datum - 1e-4 * time}
+        assert drift_and_converted(rest, at_stake=10.0)[1] == 0.0
+    assert drift_and_converted({name: time[:0] for name in rest}, at_stake=10.0) == (0.0, 0.0)

@@ -5,7 +5,7 @@ import logging
 import numpy as np
 import pytest
 
-from warpsph.output.records import Record, find_crest, read_record
+from warpsph.output.records import Record, RecordError, find_crest, read_record, read_records
 
 # Values are written with nine digits, times in microseconds.
 TOLERANCE = 1e-8
@@ -137,3 +137,17 @@ def test_a_crest_is_within_the_record():
     level = 4.0 - (time - 2.0) ** 2
     level[-1] -= 0.05  # rough, so that the highest sample is not the last
     assert find_crest(time, level) == (level[-2], time[-2])
+
+
+def test_what_is_no_record_is_told_in_a_line_and_left_out(path, tmp_path, caplog, monkeypatch):
+    """A user's own file among the gauges, an empty one, and one that a kill has cut."""
+    monkeypatch.setattr(logging.getLogger("warpsph"), "propagate", True)
+    path.write_text("time [s],level [m]\n0.0,1\n0.1,2\n0.2")
+    np.testing.assert_array_equal(read_record(path)["level [m]"], [1.0, 2.0])
+    for name, text in {"measured": "t;h\n0;1\n", "empty": "", "other": "time [s],x [m]\n0,1\n"}.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    with pytest.raises(RecordError, match=r"is no record of ours \(its first column is not 'time \[s\]'\)$"):
+        read_record(tmp_path / "measured.csv")
+    assert set(read_records(tmp_path.glob("*.csv"), "level [m]")) == {path.stem}
+    for words in ("measured.csv: is no record", "empty.csv: is no record", "other.csv: has no column 'level [m]'"):
+        assert words in caplog.text

@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom, UsdShade
 from warpsph.output.surface import (
     LAYERS,
     SMOOTHING,
+    SurfaceError,
     enclosed_volume,
     flat_share,
     is_watertight,
@@ -127,3 +128,11 @@ def test_a_hole_in_the_surface_is_told(cache):
     mesh.GetFaceVertexCountsAttr().Set([3] * (len(corners) // 3), 1)
     stage.Save()
     assert check_cache(cache.folder) == ["/World/Surface/water, frame 1: the surface is not watertight"]
+
+
+@pytest.mark.parametrize("damage", ["gone", "cut", "root"])
+def test_a_damaged_cache_is_told_by_its_file(cache, damage):
+    path = cache.folder / ("scene.usda" if damage == "root" else "frames/fluid.00001.usdc")
+    path.unlink() if damage == "gone" else path.write_bytes(b"xx")
+    with pytest.raises(SurfaceError, match=rf"^{path}: is missing or damaged; `check` of the run tells what else is$"):
+        list(make_surface(cache.folder))

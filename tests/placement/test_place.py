@@ -474,6 +474,18 @@ def test_a_bed_between_walls_of_other_names_does_not_leak():
             "gauges[0].x: 9 m lies beyond the walls, which reach from 0 to 3 m",
         ),
         (
+            make(probes=[{"name": "far", "at": [9.0, 0.0]}]),
+            "probes[0].at: sees nothing: along x the walls reach from 0 to 3 m",
+        ),
+        (
+            make(overtopping=[{"name": "far", "start": [-1.0, 0.0], "end": [-1.0, 9.0]}]),
+            "overtopping[0]: sees nothing: along x the walls reach from 0 to 3 m",
+        ),
+        (
+            make(output={"view": {"z": [3.0, 4.0]}}),
+            "output.view.z: sees nothing: along z the walls reach from 0 to 2 m",
+        ),
+        (
             make(fluids=[shaped({"box": {"min": [1.0, 0.0], "max": [1.18, 1.0]}})]),
             "fluids[0].shape: 20 cells of the lattice cover 11.1% more than its area of 0.18 m2; "
             "its particles are made lighter",

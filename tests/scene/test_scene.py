@@ -1,14 +1,17 @@
 """The scene file: what loads, what it means, and the exact words for every mistake."""
 
 import re
+import time
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+import yaml
 
 from warpsph.placement.place import place
 from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
 from warpsph.scene.shapes import Corner
+from warpsph.scene.source import read_yaml
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
 MANUAL = (Path(__file__).parents[2] / "scenes" / "README.md").read_text(encoding="utf-8")
@@ -616,6 +619,33 @@ def test_refusals_are_short(load):
 
 
 @pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        ("gauges[0].observed={file: FILE, columns: [t, h]}", "gauges[0].observed.file"),
+        ("wave_maker={waves: table, x: 0.0, depth: 0.4, file: FILE}", "wave_maker.file"),
+        ("bodies=[{name: b, mass: 1, shape: {path: []}, motion: {kind: table, file: FILE}}]", "bodies[0].motion.file"),
+    ],
+)
+def test_a_name_that_no_file_can_have(load, field, words):
+    assert f"{words}: has the letter" in message(load, TANK, field.replace("FILE", r'"\0"'))
+    assert "half letters" in message(load, TANK, field.replace("FILE", r'"\ud800"'))
+
+
+def test_a_direction_next_to_nothing_is_none(load):
+    mirror = "images=[{name: a, mirror: {point: [0, 0], normal: [0, 5e-324]}}]"
+    assert "images[0].mirror.normal: has no direction" in message(load, TANK, mirror)
+    edges = "images=[{name: a, periodic: {start: [0, 0], end: [5e-324, 0]}}]"
+    assert "images[0].periodic.end: must not be start" in message(load, TANK, edges)
+    line = "overtopping=[{name: a, start: [1, 0], end: [1, 1e-12]}]"
+    assert "overtopping[0].end: must not be start" in message(load, TANK, line)
+
+
+def test_waves_need_gravity(load):
+    waves = "wave_maker={waves: regular, x: 0.0, depth: 1.0, height: 0.1, period: 1.0}"
+    assert "gravity: must be more than 0 where waves are made" in message(load, TANK, waves, "gravity=0")
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ("", "tank.yaml: the file is empty"),
@@ -634,6 +664,25 @@ def test_refusals_are_short(load):
 )
 def test_a_file_that_is_no_scene(load, text, words):
     assert message(load, text) == words
+
+
+def test_libyaml_and_pyyaml_read_the_same(monkeypatch):
+    """Values, and the lines that they stand in."""
+    texts = [path.read_text(encoding="utf-8") for path in SCENES]
+    texts.append("a: [1, 1e-3, '2', yes, ~, |\n x\n]".replace("|\n x\n", "") + "\nb: &x {c: .inf}\nd: *x\n")
+    quick = [read_yaml(text, "file") for text in texts]
+    monkeypatch.delattr(yaml, "CSafeLoader", raising=False)
+    slow = [read_yaml(text, "file") for text in texts]
+    for (data, source), (other, other_source) in zip(quick, slow, strict=True):
+        assert data == other and source.places == other_source.places
+
+
+@pytest.mark.skipif(not hasattr(yaml, "CSafeLoader"), reason="needs libyaml")
+def test_a_text_of_too_many_values_is_refused_in_seconds(load):
+    text = "a:\n" + "".join(f"- [{i}, {i}]\n" for i in range(40_000))
+    began = time.process_time()
+    assert message(load, text) == "tank.yaml: more than 100,000 values; is it a scene?"
+    assert time.process_time() - began < 5.0  # 1.7 s, and 9 s without libyaml
 
 
 def test_a_file_that_cannot_be_read(tmp_path, monkeypatch):

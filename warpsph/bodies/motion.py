@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from warpsph.scene.source import read_table_text
 from warpsph.shapes.points import Array
 
 COLUMNS = ("time", "x", "y", "z", "angle")
 # No record of a motion is longer, and no number of one is larger [m, s].
-MOST_BYTES, FARTHEST = 2e7, 1e8
+FARTHEST = 1e8
 
 
 @dataclass(frozen=True)
@@ -133,17 +134,7 @@ def read_table(path: Path | str) -> MotionTable:
 
     Raises ValueError, with the file and its line, for what is no such table, and for time that goes back.
     """
-    try:
-        if Path(path).stat().st_size > MOST_BYTES:
-            raise ValueError(f"{path}: more than {MOST_BYTES / 1e6:g} MB; is it a table of a motion?")
-        with open(path, encoding="utf-8-sig", newline="") as file:
-            text = file.read()
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: not text in UTF-8") from None
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    text = read_table_text(path)
     top_row = next((line for line in text.splitlines() if line.strip()), "")
     parted_by = max(",;\t", key=top_row.count)
     try:

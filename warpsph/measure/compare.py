@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from warpsph.scene.instruments import Observed
+from warpsph.scene.source import nearest, read_table_text
 
 # What a unit in the heading of an observed column is in those of our records.
 UNITS = {
@@ -56,24 +57,22 @@ def read_observed(observed: Observed) -> tuple[np.ndarray, np.ndarray]:
         ValueError: with the file, for what is no such table.
     """
     path = Path(observed.file)
+    lines = [line for line in read_table_text(path).splitlines() if line.strip() and not line.startswith("#")]
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            header, *rows = csv.reader(line for line in file if line.strip() and not line.startswith("#"))
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {error}") from None
-    except ValueError:
-        raise ValueError(f"{path}: the table is empty") from None
+        header, *rows = list(csv.reader(lines)) or [[]]
+    except csv.Error as error:
+        raise ValueError(f"{path}: not a table: {error}") from None
+    if not header:
+        raise ValueError(f"{path}: the table is empty")
     headings = [cell.strip() for cell in header]
     places, factors = [], []
     for wanted in observed.columns:
         found = [i for i, cell in enumerate(headings) if wanted.strip() in (cell, cell.partition("[")[0].strip())]
         if not found:
-            raise ValueError(f"{path}: no column is named '{wanted}'; it can be {', '.join(headings)}")
+            raise ValueError(f"{path}: no column is named '{wanted}'{nearest(wanted, headings)}")
         unit = headings[found[0]].partition("[")[2].rstrip("] ")
         if unit and unit not in UNITS:
-            raise ValueError(f"{path}: {wanted} is in {unit}, which is not known; it can be {', '.join(UNITS)}")
+            raise ValueError(f"{path}: {wanted} is in {unit[:20]}, which is not known; it can be {', '.join(UNITS)}")
         places.append(found[0])
         factors.append(UNITS[unit] if unit else 1.0)
     values = []

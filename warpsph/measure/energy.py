@@ -86,20 +86,24 @@ class Energy:
         return budget, motions
 
 
-def drift_and_converted(record: Mapping[str, np.ndarray]) -> tuple[float, float]:
-    """How far the energy sum strayed from its first value, and how much potential energy was converted [J or J/m].
+def drift_and_converted(record: Mapping[str, np.ndarray], at_stake: float = 0.0) -> tuple[float, float]:
+    """How far the energy sum of the fluids strayed from its first value, and how much was converted [J or J/m].
 
-    `record` holds the columns of an energy.csv, each of shape [row_count]; both are 0 without a row. In water at rest
-    nothing is converted (0), and a share of that says nothing.
+    What was converted is the span of their potential energy, or of their kinetic energy where that is wider: water that
+    a body or a paddle drives gets much of what they lose, and little of it from its own height. Both are the same
+    wherever heights count from.
+
+    `record` holds the columns of an energy.csv, each of shape [row_count]; both are 0 without a row. Where it is less
+    than a thousandth of `at_stake` [J or J/m], water is at rest: nothing is converted (0), and a share of that says
+    nothing.
     """
-    total, potential = (
-        next(record[name] for name in record if name.startswith(part)) for part in ("total", "potential")
+    total, potential, kinetic = (
+        next(record[name] for name in record if name.startswith(part)) for part in ("total", "potential", "kinetic")
     )
     if not len(total):
         return 0.0, 0.0
-    converted = float(np.ptp(potential))
-    is_at_rest = converted <= 1e-3 * float(np.abs(potential).max())
-    return float(np.abs(total - total[0]).max()), 0.0 if is_at_rest else converted
+    converted = max(float(np.ptp(potential)), float(np.ptp(kinetic)))
+    return float(np.abs(total - total[0]).max()), converted if converted > 1e-3 * at_stake else 0.0
 
 
 _BUDGET_COLUMNS = (

@@ -24,7 +24,8 @@ MARK, LOCK = ".warpsph", "LOCK"
 
 # All that a run writes beside its frames, by folder; its records, which are named by the user, stand in the mark.
 _OWN = {
-    "": r"\.sweep|scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml)\.part",
+    "": r"\.sweep|scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml|report\.html|sweep)"
+    r"\.part",
     "checkpoints": r"\d{9,}\.(npz|part)",
     "gauges": "",
     "fluids": "",

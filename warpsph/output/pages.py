@@ -13,6 +13,8 @@ import matplotlib
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
+from warpsph.output.claim import write_whole
+
 NARROW_SPACE = "\u202f"  # which does not break
 # Named in plots, for whatever reader has them; the first is the one that Matplotlib measures with.
 FONTS = ["DejaVu Sans", "Verdana", "Segoe UI", "Helvetica", "Arial", "sans-serif"]
@@ -29,6 +31,11 @@ def render(template: str, **values: Any) -> str:
     environment.filters["told"] = told
     text = Path(__file__).with_name(template).read_text(encoding="utf-8")
     return environment.from_string(text).render(**values)
+
+
+def is_ours(page: Path) -> bool:
+    """Whether a page is there, and is one of this kind."""
+    return page.is_file() and OURS in page.read_text(encoding="utf-8", errors="replace")[:200]
 
 
 def write_table(
@@ -53,13 +60,13 @@ def write_table(
     Raises:
         PageError: the file is there and is not ours.
     """
-    if page.exists() and OURS not in page.read_text(encoding="utf-8", errors="replace")[:200]:
+    if page.exists() and not is_ours(page):
         raise PageError(f"{page}: is there already, and was not written by warpsph; choose another --out")
     plots = [(caption, plot(figure)) for caption, figure in figures]
     shown = [column for column in range(len(headings)) if any(row[column] not in (None, "") for row in rows)]
     headings, rows = [headings[column] for column in shown], [[row[column] for column in shown] for row in rows]
     text = render("table.html.jinja", title=title, words=words, headings=headings, rows=rows, links=links, plots=plots)
-    page.write_text(text, encoding="utf-8")
+    write_whole(page, text)
 
 
 def plot(figure: Figure) -> str:

@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from warpsph.output.records import find_crest, read_record
+from warpsph.output.records import TIME, find_crest, read_record, read_records
 
 LINE_PALETTE = (
     *("#1f5f99", "#c2512f", "#2e7d5b", "#8a4f9e", "#a67c00", "#4a5560"),
@@ -28,7 +28,6 @@ LINE_PALETTE = (
 )
 INK = "#2b2f33"
 GREY = "#9aa0a6"
-TIME = "time [s]"
 LINE_OF_LEGEND = 0.19  # [inch]
 # A plot that is as narrow as a phone is read there too. What surrounds its axes is fixed, as shares of the figure:
 # finding the least room for labels takes Matplotlib longer than drawing them.
@@ -73,8 +72,7 @@ class Records:
 
     def read(self, run_dir: Path) -> dict[str, dict[str, np.ndarray]]:
         """The records of this kind that hold a row, by name."""
-        paths = [path for path in sorted(run_dir.glob(self.files)) if _has_rows(path)]
-        return {path.stem: read_record(path) for path in paths}
+        return read_records(run_dir.glob(self.files))
 
     def plots(
         self, curves: Curves, colors: Mapping[str, str] | None = None, onto: Figure | None = None
@@ -266,12 +264,6 @@ def gauge_picture(csvs: Sequence[Path], out: Path | BinaryIO) -> None:
     records = {path.stem: read_record(path) for path in csvs}
     figure, _ = gauge_figure({name: record for name, record in records.items() if len(record[TIME])})
     figure.savefig(out, format="png")
-
-
-def _has_rows(path: Path) -> bool:
-    """Whether a record holds more than its heading."""
-    with path.open(encoding="utf-8") as file:
-        return len([line for line, _ in zip(file, range(2), strict=False)]) == 2
 
 
 def split_heading(heading: str) -> tuple[str, str]:

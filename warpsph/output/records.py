@@ -5,7 +5,7 @@ import io
 import logging
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,12 @@ from warpsph.output.claim import beside
 
 log = logging.getLogger("warpsph")
 
+TIME = "time [s]"  # the first column of each record
 TIME_ROUNDING = 1e-6  # Times are written with six digits behind the point. [s]
+
+
+class RecordError(ValueError):
+    """A file is no record; the text is one line for the user."""
 
 
 class Record:
@@ -38,7 +43,7 @@ class Record:
         # Beside its place first: a disk that fills up here takes no row that had been written.
         unfinished = beside(path)
         with unfinished.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([["time [s]", *columns], *rows])
+            csv.writer(file, lineterminator="\n").writerows([[TIME, *columns], *rows])
         os.replace(unfinished, path)
         self._path, self._file = path, path.open("a", newline="", buffering=1)
         self._writer = csv.writer(self._file, lineterminator="\n")
@@ -89,11 +94,36 @@ def _is_number(text: str) -> bool:
 
 
 def read_record(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a record by their heading, each of shape [row_count]."""
-    with path.open(newline="") as file:
-        header, *rows = csv.reader(file)
-    values = np.array(rows, dtype=float).reshape(len(rows), len(header))
+    """Columns of a record by their heading, each of shape [row_count]; rows that are cut or damaged are left out.
+
+    Raises RecordError, of one line, where the file is no record.
+    """
+    with path.open(newline="", encoding="utf-8", errors="replace") as file:
+        header, *rows = list(csv.reader(file)) or [[]]
+    if header[:1] != [TIME]:
+        raise RecordError(f"{path}: is no record of ours (its first column is not '{TIME}')")
+    try:
+        values = np.array(rows, dtype=float).reshape(len(rows), len(header))
+    except ValueError:
+        rows = _whole_rows(path)
+        values = np.array(rows, dtype=float).reshape(len(rows), len(header))
     return dict(zip(header, values.T, strict=True))
+
+
+def read_records(paths: Iterable[Path], *columns: str) -> dict[str, dict[str, np.ndarray]]:
+    """The records among `paths` that hold a row and all of `columns`, by name; of what else lies there it is told."""
+    found = {}
+    for path in sorted(paths):
+        try:
+            record = read_record(path)
+        except RecordError as error:
+            log.warning("%s; it is left out", error)
+            continue
+        if missing := [column for column in columns if column not in record]:
+            log.warning("%s: has no column '%s'; it is left out", path, missing[0])
+        elif len(record[TIME]):
+            found[path.stem] = record
+    return found
 
 
 def find_front(time: np.ndarray, level: np.ndarray) -> float:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from warpsph.output.analysis import instrument_plots
+from warpsph.output.claim import write_whole
 from warpsph.output.colors import fluid_colors
 from warpsph.output.gauge_waves import describe_gauge, off_observed, read_observed
 from warpsph.output.pages import embedded, plot, render
@@ -92,7 +93,7 @@ def write_report(run_dir: Path) -> Path:
         facts=list(_facts(facts)),
         links=_links(run_dir),
     )
-    page.write_text(text, encoding="utf-8")
+    write_whole(page, text)
     return page
 
 

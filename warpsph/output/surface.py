@@ -15,14 +15,14 @@ surface reconstruction of particle-based fluids).
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
 from warpsph.output.usd import (
     FLUID_SCOPE,
@@ -202,28 +202,31 @@ def make_surface(folder: Path, threads: int = 1) -> Iterator[Enclosed]:
         What each mesh comes to, frame by frame; a fluid that has left whole has none.
 
     Raises:
-        SurfaceError: pysplashsurf is not installed, or there is no cache.
+        SurfaceError: pysplashsurf is not installed, there is no cache, or it is damaged.
         OSError: a file could not be written.
     """
     os.environ.setdefault("RAYON_NUM_THREADS", str(threads))
     try:
         import pysplashsurf  # noqa: F401
     except ImportError:
-        raise SurfaceError("a surface needs pysplashsurf: pip install 'warpsph-waves[film]'") from None
+        raise SurfaceError("a surface needs pysplashsurf: python -m pip install pysplashsurf") from None
     root = folder / "scene.usda"
     if not root.exists():
         raise SurfaceError(f"{folder}: no USD cache is here (it has no scene.usda)")
-    stage = Usd.Stage.Open(str(root))
+    stage = _opened(Usd.Stage.Open, root)
     scope = stage.GetPrimAtPath(FLUID_SCOPE)
     fluids = {prim.GetName(): UsdGeom.Points(prim) for prim in scope.GetChildren() if prim.IsA(UsdGeom.Points)}
     rate = stage.GetTimeCodesPerSecond()
     frames = range(round(stage.GetStartTimeCode()), round(stage.GetEndTimeCode()) + 1)
     publish(off_stage(_declare(list(fluids), rate), ".usda"), folder / "surface_manifest.usda")
     for frame in frames:
+        _opened(Sdf.Layer.FindOrOpen, folder / "frames" / f"fluid.{frame:05d}.usdc")
         layer = off_stage(_declare(list(fluids), rate), ".usdc")
         layer.startTimeCode = layer.endTimeCode = frame
         for name, prim in fluids.items():
-            points = np.array(prim.GetPointsAttr().Get(frame), dtype=np.float64)
+            points = np.array(prim.GetPointsAttr().Get(frame), dtype=np.float64).reshape(-1, 3)
+            if not len(points):  # all of it has left
+                continue
             spacing = float(prim.GetWidthsAttr().Get()[0])
             vertices, triangles, moved = mesh_around(points, spacing, threads)
             for attribute, value in _values(vertices, triangles).items():
@@ -233,6 +236,17 @@ def make_surface(folder: Path, threads: int = 1) -> Iterator[Enclosed]:
                 yield Enclosed(frame, name, share, moved, is_watertight(triangles))
         publish(layer, folder / "frames" / _frame_name(frame))
     _write_root(folder, list(fluids), frames, rate)
+
+
+def _opened(way: Callable[[str], Any], path: Path) -> Any:
+    """A stage or layer of the cache. Raises SurfaceError where it cannot be read."""
+    try:
+        found = way(str(path)) if path.exists() else None
+    except Tf.ErrorException:
+        found = None
+    if found is None:
+        raise SurfaceError(f"{path}: is missing or damaged; `check` of the run tells what else is")
+    return found
 
 
 def _frame_name(frame: int) -> str:

@@ -23,7 +23,6 @@ from warpsph.placement.solids import Form, axis_of, form_of
 from warpsph.scene.bodies import BodyField, BodyMotion
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import SolidField
-from warpsph.shapes.mesh import Mesh
 from warpsph.shapes.points import Array, around, spatial
 from warpsph.shapes.surface import Crate, Sheet
 
@@ -155,12 +154,13 @@ def contact_of_walls(
     return legs, joined(points)
 
 
-def _refuse_misplaced(scene: Scene, shape: SolidField, mesh: Mesh, room: tuple[Array, Array] | None) -> None:
-    """Raises ValueError for a mesh in another unit or in another place, and for one of too many points.
+def _refuse_misplaced(scene: Scene, shape: SolidField, form: Form, room: tuple[Array, Array] | None) -> None:
+    """Raises ValueError for a body in another unit or in another place, and for one of too many points.
 
     `room` is around the walls: lower and upper corner [m].
     """
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    corners = form.mesh.vertices if form.mesh else np.insert(form.outline.polygon(), 1, 0.0, axis=1)
+    low, high = corners.min(axis=0), corners.max(axis=0)
     size = float((high - low).max())
     if room:
         wide = float((room[1] - room[0]).max())
@@ -175,9 +175,12 @@ def _refuse_misplaced(scene: Scene, shape: SolidField, mesh: Mesh, room: tuple[A
     if shape.mesh and size < 2.0 * scene.spacing:
         hint = f"; another unit? scale: {1e3 * shape.mesh.scale:g}"
         raise ValueError(f"it is {size:.3g} m wide, less than two spacings{hint}")
-    area = float(np.linalg.norm(mesh.areas, axis=1).sum())
-    if (points := area / scene.wall_spacing**2) > MOST_POINTS:
-        raise ValueError(f"its surface of {area:.3g} m2 would take {points:.2g} points; {MOST_POINTS:.0e} is the most")
+    area = float(np.linalg.norm(form.mesh.areas, axis=1).sum()) if form.mesh else form.outline.length
+    if (points := area / scene.wall_spacing ** (scene.dimensions - 1)) > MOST_POINTS:
+        unit = "m2" if form.mesh else "m"
+        raise ValueError(
+            f"its surface of {area:.3g} {unit} would take {points:.2g} points; {MOST_POINTS:.0e} is the most"
+        )
 
 
 def _solid(scene: Scene, path: str, body: BodyField, room: tuple[Array, Array] | None) -> Solid:
@@ -185,8 +188,7 @@ def _solid(scene: Scene, path: str, body: BodyField, room: tuple[Array, Array] |
     set_back, spacing = scene.wall_model.set_back * scene.spacing, scene.wall_spacing
     try:
         form = form_of(scene, path, body)
-        if form.mesh:
-            _refuse_misplaced(scene, body.shape, form.mesh, room)
+        _refuse_misplaced(scene, body.shape, form, room)
         mass = form.mass(body.density, body.mass, body.centre, body.inertia)
         if scene.wall_model.force == "dummy_particles":
             surface = form.dummies(scene.spacing, _support(scene))

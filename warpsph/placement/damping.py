@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from warpsph.scene.scene import Scene
+from warpsph.scene.waves import DampingZone
 from warpsph.shapes.points import Array
 from warpsph.theory.waves import group_celerity, wavelength
 
 # On its way through a zone and back a wave falls by e to the minus this: to 1 %.
 DECAY = 4.6
+# A shorter zone stops waves rather than taking them up.
+LEAST_SPACINGS = 4.0
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,19 @@ class Zone:
     rate: float
 
 
+def _waves(scene: Scene, zone: DampingZone) -> tuple[float, dict[str, float]]:
+    """The period [s] of the waves that a zone is to take up, and what else their length comes from."""
+    period = zone.period or scene.wave_maker.period
+    return period, {"depth": zone.depth or scene.wave_maker.depth, "gravity": scene.gravity}
+
+
+def zone_length(scene: Scene, i: int) -> float:
+    """Length of a damping zone of a scene [m]."""
+    zone = scene.damping_zones[i]
+    period, about = _waves(scene, zone)
+    return zone.wavelengths * wavelength(period, **about)
+
+
 def damping_zones(scene: Scene) -> list[Zone]:
     """The damping zones of a scene.
 
@@ -28,10 +44,9 @@ def damping_zones(scene: Scene) -> list[Zone]:
     energy of a wave is kinetic: with D = `DECAY` it is 3 D c_g / length at the end, c_g the group celerity.
     """
     zones = []
-    for zone in scene.damping_zones:
-        period = zone.period or scene.wave_maker.period
-        about = {"depth": zone.depth or scene.wave_maker.depth, "gravity": scene.gravity}
-        length = zone.wavelengths * wavelength(period, **about)
+    for i, zone in enumerate(scene.damping_zones):
+        period, about = _waves(scene, zone)
+        length = zone_length(scene, i)
         begin = zone.end + (length if zone.side == "left" else -length)
         zones.append(Zone(begin, zone.end, 3.0 * DECAY * group_celerity(period, **about) / length))
     return zones
@@ -41,6 +56,11 @@ def refuse_long_zones(scene: Scene, position: Array) -> None:
     """Raises SceneError for a zone that is longer than the water is, `position` [m], shape [n, 3]."""
     if not scene.damping_zones:
         return
+    for i in range(len(scene.damping_zones)):
+        length = zone_length(scene, i)
+        if length < LEAST_SPACINGS * scene.spacing:
+            words = f"the zone is {length:.3g} m long, less than {LEAST_SPACINGS:g} spacings: it damps nothing"
+            raise scene.error(f"damping_zones[{i}].wavelengths", words)
     low, high = float(position[:, 0].min()), float(position[:, 0].max())
     for i, zone in enumerate(damping_zones(scene)):
         length, path = abs(zone.end - zone.begin), f"damping_zones[{i}]"

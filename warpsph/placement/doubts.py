@@ -44,6 +44,7 @@ def doubts_of(
         *_of_fluids(scene, sites, drawn),
         *_of_tables(scene, solids),
         *_of_gauges(scene, position, walls, drawn, solids, edges),
+        *(_out_of_sight(scene, *around(*drawn)) if scene.walls else ()),
     ]
     return [str(doubt) for doubt in found]
 
@@ -102,6 +103,28 @@ def _of_tables(scene: Scene, solids: Sequence[Solid]) -> Iterator[SceneError]:
             if value:
                 words = f"its first row has {name} = {value:g} m, from which it is counted: the body starts as drawn"
                 yield scene.error(f"bodies[{i}].motion.file", words)
+
+
+def _out_of_sight(scene: Scene, low: Array, high: Array) -> Iterator[SceneError]:
+    """Probes, lines and views beyond the walls, which lie from `low` to `high` [m]; and waves beyond the end."""
+    along = "xz" if scene.dimensions == 2 else "xyz"
+    # Water may rise above the walls, and be seen there: only x and y count.
+    reached = {f"probes[{i}].at": [probe.at] for i, probe in enumerate(scene.probes) if not probe.body}
+    reached |= {f"overtopping[{i}]": [gate.start, gate.end] for i, gate in enumerate(scene.overtopping)}
+    ranges = [
+        (path, axis, [point[along.index(axis)] for point in points])
+        for path, points in reached.items()
+        for axis in along[:-1]
+    ]
+    ranges += [(f"output.view.{axis}", axis, seen) for axis in along if (seen := getattr(scene.output.view, axis))]
+    for path, axis, ends in ranges:
+        k = "xyz".index(axis)
+        if max(ends) < low[k] - 1e-9 or min(ends) > high[k] + 1e-9:
+            first, last = (x + scene.origin[k] for x in (low[k], high[k]))
+            yield scene.error(path, f"sees nothing: along {axis} the walls reach from {first:.12g} to {last:.12g} m")
+    if scene.wave_maker and scene.wave_maker.begin >= scene.run.end_time:
+        begin, end = scene.wave_maker.begin, scene.run.end_time
+        yield scene.error("wave_maker.begin", f"it begins at {begin:g} s, and the run ends at {end:g} s")
 
 
 def _of_gauges(

@@ -8,7 +8,20 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import ACROSS, IN_SPACE, Coefficient, Name, Part, Point, Range, Real, Switch, fault
+from warpsph.scene.fields import (
+    ACROSS,
+    IN_SPACE,
+    LEAST,
+    NEAREST,
+    Coefficient,
+    Name,
+    Part,
+    Point,
+    Range,
+    Real,
+    Switch,
+    fault,
+)
 from warpsph.scene.shapes import MOST_CORNERS, Arc, BoxField, Corner, Disc, PathPoint, refuse_width_of_box
 
 Face = Literal["left", "right", "front", "back", "bottom", "top"]
@@ -137,7 +150,7 @@ class Mirror(Part):
 
     @model_validator(mode="after")
     def _slides_along_itself(self) -> Mirror:
-        if not any(self.normal):
+        if math.hypot(*self.normal) < LEAST:
             raise fault("has no direction", "normal")
         if self.velocity:
             if len(self.velocity) != len(self.normal):
@@ -158,7 +171,7 @@ class Periodic(Part):
 
     @model_validator(mode="after")
     def _has_a_length(self) -> Periodic:
-        if self.start == self.end:
+        if len(self.start) == len(self.end) and math.dist(self.start, self.end) < NEAREST:
             raise fault("must not be start", "end")
         return self
 

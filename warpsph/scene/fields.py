@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -20,6 +21,8 @@ COLOR = r"^#[0-9A-Fa-f]{6}$"
 LEAST, MOST = 1e-12, 1e12
 # Farther from zero than this no map goes [m].
 FARTHEST = 1e8
+# Two places nearer than this are one [m].
+NEAREST = 1e-9
 # A longer name is longer than the name of a file may be.
 LONGEST_NAME, LONGEST_TEXT = 64, 1000
 
@@ -62,7 +65,7 @@ def _increasing(value: tuple[float, float]) -> tuple[float, float]:
 
 
 def _has_length(value: tuple[float, float, float]) -> tuple[float, float, float]:
-    if not any(value):
+    if math.hypot(*value) < LEAST:
         raise fault("a direction is needed, not nothing")
     return value
 
@@ -90,7 +93,7 @@ Positive = Annotated[Real, Field(ge=LEAST)]
 NotNegative = Annotated[Real, Field(ge=0), AfterValidator(_zero_or_something)]
 Coefficient = Annotated[NotNegative, Field(le=1e4)]
 Coordinate = Annotated[Real, Field(ge=-FARTHEST, le=FARTHEST)]
-Size = Annotated[Real, Field(ge=1e-9, le=FARTHEST)]
+Size = Annotated[Real, Field(ge=NEAREST, le=FARTHEST)]
 Duration = Annotated[Real, Field(ge=1e-9, le=1e8)]
 Rate = Annotated[Real, Field(ge=1e-8, le=1e6)]
 Density = Annotated[Real, Field(ge=1e-3, le=1e5)]

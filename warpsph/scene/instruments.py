@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import ACROSS, Coordinate, Name, Part, Point, Real, fault
+from warpsph.scene.fields import ACROSS, NEAREST, Coordinate, Line, Name, Part, Point, Real, Reference, fault
 
 
 class Observed(Part):
     """What was measured elsewhere, to be held against a record."""
 
-    file: str = Field(description="CSV file, from the scene's folder [-].")
-    columns: Annotated[tuple[str, ...], Field(min_length=2, max_length=2)] = Field(
+    file: Line = Field(description="CSV file, from the scene's folder [-].")
+    columns: Annotated[tuple[Line, ...], Field(min_length=2, max_length=2)] = Field(
         description="Names of its columns of time and of the quantity, with or without their units [-]; a level is "
         "that above the level at rest."
     )
-    quantity: str | None = Field(
+    quantity: Reference | None = Field(
         None, description="Column of the record that it is held against [-]; level or pressure when absent."
     )
     shift: Real = Field(0.0, description="What is added to its time [s].")
@@ -90,7 +91,7 @@ class Overtopping(Part):
 
     @model_validator(mode="after")
     def _has_a_size(self) -> Overtopping:
-        if self.start == self.end:
+        if len(self.start) == len(self.end) and math.dist(self.start, self.end) < NEAREST:
             raise fault("must not be start", "end")
         if (
             len(self.start) == 3

@@ -100,7 +100,7 @@ class RunField(Part):
         "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
     )
     max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(
-        None, description="Greatest number of steps [-]; no limit when absent."
+        None, description="Number of steps from which on the run stops, at its next record [-]; no limit when absent."
     )
     absurd: Literal["stop", "drop"] = Field(
         "stop",
@@ -288,7 +288,10 @@ class Scene(Part):
             # Its back is cut away below, so that it does not turn into the bed.
             cut = low + 0.3 * thickness
             shape = {"polygon": ((right, low), (right, high), (left, high), (left, cut))}
-        body = BodyField.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
+        try:
+            body = BodyField.model_validate({"name": PADDLE, "shape": shape, "density": 1000.0})
+        except ValidationError as error:  # of a size that no body has
+            raise fault(f"its paddle cannot be drawn: {next(_mistakes(error))[1]}", "wave_maker") from None
         motion = BodyMotion.model_construct(kind="waves")
         return body.model_copy(update={"motion": motion})
 
@@ -373,6 +376,8 @@ def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
             if first != i:
                 yield f"{kind}[{i}].name", f"'{part.name}' is the name of {kind}[{first}] already"
     yield from _strange_to_instruments(scene)
+    if not scene.gravity and (scene.wave_maker or scene.damping_zones):
+        yield "gravity", "must be more than 0 where waves are made or damped"
     for i, zone in enumerate(scene.damping_zones):
         for name in ("period", "depth"):
             if getattr(zone, name) is None and (scene.wave_maker is None or getattr(scene.wave_maker, name) is None):
@@ -515,10 +520,10 @@ def _find_files(data: dict[str, Any], folder: Path) -> None:
         for part in data.get(kind) if isinstance(data.get(kind), list) else ():
             seen = part.get("observed") if isinstance(part, dict) else None
             if isinstance(seen, dict) and isinstance(seen.get("file"), str):
-                seen["file"] = str((folder / seen["file"]).resolve())
+                seen["file"] = os.path.abspath(folder / seen["file"])
     maker = data.get("wave_maker")
     if isinstance(maker, dict) and isinstance(maker.get("file"), str):
-        maker["file"] = str((folder / maker["file"]).resolve())
+        maker["file"] = os.path.abspath(folder / maker["file"])
     bodies = data.get("bodies")
     for body in bodies if isinstance(bodies, list) else ():
         shape = body.get("shape") if isinstance(body, dict) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -19,6 +20,10 @@ MOST_WORDS = 8
 LONGEST_SHOWN = 80
 # A text of more letters, or with more values when its anchors have been put in, is no scene.
 MOST_LETTERS, MOST_VALUES = 1_000_000, 100_000
+# A file of numbers of more bytes is no record of an experiment.
+MOST_BYTES = 2e7
+# One of more letters takes PyYAML more than a second.
+LONG_TEXT = 100_000
 
 
 class SceneError(Exception):
@@ -100,6 +105,22 @@ def read_text(path: Path | str) -> str:
         raise SceneError(f"{path}: cannot be read ({error.strerror})") from None
 
 
+def read_table_text(path: Path | str) -> str:
+    """The text of a file of numbers that a scene names. Raises ValueError, of one line, when there is none."""
+    try:
+        if os.path.exists(path) and not os.path.isfile(path):  # a folder; or a device, which may have no end
+            raise ValueError(f"{path}: is no file")
+        if os.path.getsize(path) > MOST_BYTES:
+            raise ValueError(f"{path}: more than {MOST_BYTES / 1e6:g} MB; is it a table?")
+        return Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ValueError(f"{shortened(str(path))}: no such file") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: not text in UTF-8") from None
+    except OSError as error:
+        raise ValueError(f"{shortened(str(path))}: cannot be read: {error.strerror}") from None
+
+
 def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
     """The plain data of a YAML text, and where each path of it stands in `file`.
 
@@ -142,12 +163,14 @@ def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
         return data
 
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        root = _compose(text)
         if root is None:
             return None, source
         note("", root.start_mark)
         return plain(root, "", ()), source
     except yaml.MarkedYAMLError as error:
+        if "nesting depth" in str(error.problem):
+            raise SceneError(f"{file}: nested too deeply to be a scene") from None
         line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
         raise SceneError(f"{file}{line}: not YAML: {shortened(str(error.problem), 200)}") from None
     except yaml.YAMLError as error:
@@ -156,10 +179,25 @@ def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:
         raise SceneError(f"{file}: nested too deeply to be a scene") from None
 
 
+def _compose(text: str) -> yaml.Node | None:
+    """The nodes of a YAML text; by libyaml, where PyYAML has it, which is six times as fast as PyYAML itself.
+
+    What it does not understand PyYAML reads again, whose words tell more, unless that would take seconds.
+    """
+    quick = getattr(yaml, "CSafeLoader", None)
+    if quick is not None:
+        try:
+            return yaml.compose(text, Loader=quick)
+        except (yaml.YAMLError, UnicodeError) as error:
+            if isinstance(error, yaml.YAMLError) and len(text) > LONG_TEXT:
+                raise
+    return yaml.compose(text, Loader=yaml.SafeLoader)
+
+
 def _scalar(node: yaml.ScalarNode) -> Any:
     """A scalar by the rules of YAML 1.2, whose 1e-3 is a number, whose 010 is ten and whose `no` is a word."""
     word = node.value
-    if node.style is not None:
+    if node.style:  # quoted; libyaml gives "" for a plain one
         return word
     if word in ("", "~", "null", "Null", "NULL"):
         return None

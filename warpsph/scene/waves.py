@@ -6,7 +6,19 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import ACROSS, Name, NotNegative, Part, Positive, Range, Real, fault
+from warpsph.scene.fields import (
+    ACROSS,
+    Coordinate,
+    Duration,
+    Line,
+    Name,
+    NotNegative,
+    Part,
+    Range,
+    Real,
+    Size,
+    fault,
+)
 
 # The name of the paddle among the bodies.
 PADDLE = "paddle"
@@ -35,25 +47,25 @@ class WaveMaker(Part):
         description="What it makes [-]: regular waves, a sea by a spectrum, solitary waves, waves whose crests meet at "
         "a place, or the way of a measured paddle."
     )
-    x: Real = Field(description="Where its face stands at the start, x [m].")
-    depth: Positive = Field(description="Depth of the water before it [m].")
-    bed: Real = Field(0.0, description="Height of the bed before it, z [m].")
-    top: Real | None = Field(
+    x: Coordinate = Field(description="Where its face stands at the start, x [m].")
+    depth: Size = Field(description="Depth of the water before it [m].")
+    bed: Coordinate = Field(0.0, description="Height of the bed before it, z [m].")
+    top: Coordinate | None = Field(
         None, description="Height of its upper edge, z [m]; twice the depth over the bed if absent."
     )
     width: Annotated[Range | None, ACROSS] = Field(
         None, description="In 3-D, from y to y: how far it reaches across [m]."
     )
-    thickness: Positive | None = Field(None, description="Its thickness [m]; six spacings when absent.")
-    hinge: Real | None = Field(None, description="Height of the hinge of a flap, z [m].")
-    longest_stroke: Positive | None = Field(
+    thickness: Size | None = Field(None, description="Its thickness [m]; six spacings when absent.")
+    hinge: Coordinate | None = Field(None, description="Height of the hinge of a flap, z [m].")
+    longest_stroke: Size | None = Field(
         None, description="The longest way between its ends that the machine has [m]; any when absent."
     )
     begin: NotNegative = Field(0.0, description="When it begins [s].")
-    height: Positive | None = Field(
+    height: Size | None = Field(
         None, description="Height of the waves; significant height of a sea; height of the crest of focused waves [m]."
     )
-    period: Positive | None = Field(
+    period: Duration | None = Field(
         None, description="Period of the waves; of a sea and focused waves at the peak [s]."
     )
     order: Literal[1, 2] | None = Field(
@@ -71,16 +83,16 @@ class WaveMaker(Part):
     components: Annotated[int, Field(strict=True, ge=8, le=4096)] | None = Field(
         None, description="How many waves make up a sea [-]; 128 when absent."
     )
-    seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**63)] | None = Field(
         None, description="Number that the phases of a sea come from [-]; 1 when absent."
     )
-    count: Annotated[int, Field(strict=True, ge=1)] | None = Field(
+    count: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = Field(
         None, description="How many solitary waves follow each other [-]; one when absent."
     )
-    every: Positive | None = Field(None, description="From one solitary wave to the next [s]; needed for several.")
-    focus: Positive | None = Field(None, description="How far from the face crests meet [m].")
-    focus_time: Positive | None = Field(None, description="When crests meet, after begin [s].")
-    file: str | None = Field(
+    every: Duration | None = Field(None, description="From one solitary wave to the next [s]; needed for several.")
+    focus: Size | None = Field(None, description="How far from the face crests meet [m].")
+    focus_time: Duration | None = Field(None, description="When crests meet, after begin [s].")
+    file: Line | None = Field(
         None,
         description="CSV file of table, from the scene's folder [-]: time [s], and x [m] of a piston or angle [deg] of "
         "a flap, more than 0 where it leans forward; it counts from its first row.",
@@ -123,10 +135,10 @@ class DampingZone(Part):
     """A zone in which waves are damped, the more the farther in; at its `end` most."""
 
     name: Name = Field(description="Name of the zone [-].")
-    end: Real = Field(description="Where it ends, x [m].")
+    end: Coordinate = Field(description="Where it ends, x [m].")
     side: Literal["right", "left"] = Field("right", description="Whether it ends at its right or at its left [-].")
-    wavelengths: Positive = Field(1.0, description="Its length in wavelengths [-].")
-    period: Positive | None = Field(
+    wavelengths: Annotated[Size, Field(le=1000)] = Field(1.0, description="Its length in wavelengths [-].")
+    period: Duration | None = Field(
         None, description="Period of the waves [s]; that of the wave_maker when absent, at the peak of a sea."
     )
-    depth: Positive | None = Field(None, description="Depth of its water [m]; that of the wave_maker when absent.")
+    depth: Size | None = Field(None, description="Depth of its water [m]; that of the wave_maker when absent.")
