@@ -19,8 +19,8 @@ from warpsph.shapes.points import Array, near
 # Sweeps go on until nothing drifts farther in one than this, in spacings.
 EVEN = 2e-4
 MOST_SWEEPS = 400
-# Rounds of sweeps: what finds no room in one stays where it was in the next.
-MOST_ROUNDS = 4
+# Rounds of so many more: what found no room in one stays where it was in the next.
+MOST_ROUNDS, MORE_SWEEPS = 16, 100
 # Layers around what a wall cuts that are free to give way, in spacings.
 FREE = 8.0
 # Nothing is set closer to a dummy, in spacings.
@@ -55,9 +55,9 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
     norm = kernel.normalisation[scene.dimensions] / h ** (scene.dimensions + 2)
     given = [h, norm, dx, int(scene.dimensions == 2)]
     holds = [sites.holds for sites in fluids if sites.mirrors]
-    for _ in range(MOST_ROUNDS):
+    for sweeps in (MOST_SWEEPS, *[MORE_SWEEPS] * MOST_ROUNDS):
         cells = np.minimum(np.ceil((high - low) / reach).astype(int), 128).tolist()
-        points = _even(points, volumes, mobility, normals, offsets, given, scene.smoothing.kernel, reach, cells)
+        points = _even(points, volumes, mobility, normals, offsets, given, scene.smoothing.kernel, reach, cells, sweeps)
         # Where water thins out over a bed there is no room: what would go through it stays where it was.
         moved = np.flatnonzero(mobility > 0.0)
         packed, before = points[moved] + low, position[beside[moved]]
@@ -87,6 +87,7 @@ def _even(
     smoothing: str,
     reach: float,
     cells: Sequence[int],
+    sweeps: int,
 ) -> Array:
     """Points [m], shape [n, 3], after sweeps of packing; those of `mobility` 0 or less stay where they are."""
     with wp.ScopedDevice("cpu"):
@@ -95,7 +96,7 @@ def _even(
         fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
         planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
         grid = wp.HashGrid(*cells)
-        for sweep in range(MOST_SWEEPS):
+        for sweep in range(sweeps):
             grid.build(here, reach)
             launch(pack_kernel(smoothing), len(points), [0, grid.id, *given, *planes, here, *fixed, there])
             here, there = there, here
