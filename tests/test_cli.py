@@ -18,7 +18,7 @@ from warpsph.output.usd_check import check_cache
 from warpsph.scene.scene import load_scene
 
 # A landslide that takes a second: a fifth of the resolution, a twentieth of the time.
-COARSE = ["--set", "spacing=0.025", "--set", "warm_up.duration=0.02", "--until", "0.1"]
+COARSE = ["--set", "spacing=0.025", "--until", "0.1"]
 LANDSLIDE = str(SCENES / "landslide.yaml")
 THIN = ("submarine_slide",)  # what is in it is thinner than the coarsest spacing
 
@@ -115,7 +115,7 @@ def test_report_can_be_written_again(finished, capsys):
 
 def test_wave_of_a_block_is_told_in_full(tmp_path, capsys):
     """Impact, crest, period, celerity, likeness to a solitary wave, both energies, share: printed, and in run.json."""
-    coarse = ["--set", "spacing=0.025", "--set", "warm_up.duration=0.05", "--set", "output.usd=false", "--until", "1.2"]
+    coarse = ["--set", "spacing=0.025", "--set", "output.usd=false", "--until", "1.2"]
     near = ["--set", "gauges=[{name: near, x: 0.6}, {name: next, x: 1.0}]", "--set", "output.pictures=false"]
     assert run("scene", SCENES / "block_maciel.yaml", *coarse, *near, "--out", tmp_path / "run") == OK
     told, facts = capsys.readouterr().out, json.loads((tmp_path / "run" / "run.json").read_text())

@@ -314,9 +314,10 @@ def test_the_scenes_that_ship_can_be_set_out(file):
     dx = scene.spacing
     for i, fluid in enumerate(scene.fluids):
         mine = placement.position[placement.fluid == i]
-        off_walls = 0.1 if scene.wall_model.force == "dummy_particles" else fluid.clearance
+        # Between dummies a fill is cut by walls and by fluids, and packed.
+        off_walls, apart = (0.1, 0.8) if scene.wall_model.force == "dummy_particles" else (fluid.clearance, 1.0)
         assert not near(mine, placement.wall_position, (off_walls - 1e-3) * dx).any()
-        assert not near(mine, placement.position[placement.fluid != i], (1 - 1e-5) * dx).any()
+        assert not near(mine, placement.position[placement.fluid != i], (apart - 1e-5) * dx).any()
     assert placement.position[:, 1].any() == placement.wall_position[:, 1].any() == (scene.dimensions == 3)
     assert np.all(placement.initial_depth >= 0)
     assert np.all(np.isfinite(placement.position))
