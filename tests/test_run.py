@@ -424,10 +424,16 @@ def test_a_signal_stops_a_run_at_a_record_with_a_checkpoint(name, scene, tmp_pat
     folder = tmp_path / "run"
     command = [sys.executable, "-m", "warpsph", "scene", str(scene), "--until", "1000", "--out", str(folder)]
     pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    # What a shell starts with & ignores Ctrl-C, and so would all that these tests start.
+    pipe["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen([*command, "--threads", "1"], cwd=SCENES.parent, **pipe) as process:
-        wait_for_a_checkpoint(folder, process)
-        process.send_signal(getattr(signal, name))
-        _, told = process.communicate(timeout=60)
+        try:
+            wait_for_a_checkpoint(folder, process)
+            process.send_signal(getattr(signal, name))
+            _, told = process.communicate(timeout=60)
+        except BaseException:
+            process.kill()  # it would be waited for
+            raise
     assert process.returncode == STOPPED_EARLY
     facts = json.loads((folder / "run.json").read_text())
     by = "Ctrl-C" if name == "SIGINT" else name

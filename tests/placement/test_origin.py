@@ -197,7 +197,7 @@ def tank(x: int, y: int, z: int) -> Scene:
             "height": 0.04,
             "period": 1.2,
         },
-        "damping_zones": [{"name": "sponge", "end": x + 1.2, "wavelengths": 0.2}],
+        "damping_zones": [{"name": "sponge", "end": x + 1.2, "wavelengths": 0.25}],
         "gauges": [{"name": "near", "x": x + 0.6, "y": y + 0.2}],
         "probes": [{"name": "still", "at": [x + 0.6, y + 0.2, z + 0.1]}],
         "forces": [
