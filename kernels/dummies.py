@@ -21,7 +21,7 @@ from functools import cache
 import warp as wp
 
 from .artificial_viscosity import ARTIFICIAL_VISCOSITY
-from .layout import Layout, Rows, compiler_options
+from .layout import Layout, Rows, compiler_options, pack_velocity
 from .neighbours import BLOCK_EDGE, CellGrid, cell_at, last_entry, place_of
 from .parameters import Parameters
 from .smoothing import SMOOTHING
@@ -175,7 +175,7 @@ def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.
             V *= modulus / float(density_of(p, modulus, 1.0, stiffening / weight))
             power = V * parameters.gradient_norm * (p * inflow + torn)
         position_volume_out[d] = wp.vec4(x_d[0], x_d[1], x_d[2], V)
-        velocity_pressure_out[d] = wp.vec4(u_d[0], wp.where(parameters.dimensions == 2, x_d[0], u_d[1]), u_d[2], p)
+        velocity_pressure_out[d] = pack_velocity(parameters.dimensions, x_d[0], u_d, p)
         power_out[d] = power
 
     return press_dummies
@@ -239,7 +239,7 @@ def carry_velocity_kernel(smoothing: str) -> wp.Kernel:
                 least = LEAST_OFF / parameters.inverse_spacing
                 u = u_d - depth / wp.max(squares, least * least * weight) * shear
                 mu = wp.max(viscous / weight, LEAST_VISCOSITY)
-        packed_velocity_out[d] = wp.vec4(u[0], wp.where(parameters.dimensions == 2, x_d[0], u[1]), u[2], mu)
+        packed_velocity_out[d] = pack_velocity(parameters.dimensions, x_d[0], u, mu)
 
     return carry_velocity
 
@@ -285,8 +285,7 @@ def show_dummies(
     k = first + wp.tid()
     x, u = point_position[k], point_velocity[k]
     position_volume_inout[k] = wp.vec4(x[0], x[1], x[2], position_volume_inout[k][3])
-    v_or_x = wp.where(dimensions == 2, x[0], u[1])
-    velocity_pressure_inout[k] = wp.vec4(u[0], v_or_x, u[2], velocity_pressure_inout[k][3])
+    velocity_pressure_inout[k] = pack_velocity(dimensions, x[0], u, velocity_pressure_inout[k][3])
 
 
 @wp.kernel(enable_backward=False)

@@ -41,6 +41,12 @@ def high(pair: wp.uint64) -> float:
 
 
 @wp.func
+def pack_velocity(dimensions: int, x: float, u: wp.vec3, last: float) -> wp.vec4:
+    """(u, v, w) and one number more as pair loops read them; in a plane x lies in the place of v."""
+    return wp.vec4(u[0], wp.where(dimensions == 2, x, u[1]), u[2], last)
+
+
+@wp.func
 def load_pairs(position_volume: wp.array[wp.uint64], velocity_pressure: wp.array[wp.uint64], i: int):
     """x, y, z, V, u, v, w, p of particle i, in four loads of two floats."""
     x_y, z_V = position_volume[2 * i], position_volume[2 * i + 1]

@@ -17,7 +17,7 @@ import warp as wp
 
 from .balance import BALANCE, SURFACE_MOMENT, balance_factor, share_inside
 from .images import Images, velocity_beyond
-from .layout import CPU_LAYOUT, Layout, Rows, compiler_options
+from .layout import CPU_LAYOUT, Layout, Rows, compiler_options, pack_velocity
 from .parameters import Parameters
 from .rheology import Rheology
 from .smoothing import SMOOTHING
@@ -210,12 +210,6 @@ def with_viscosity(
     velocity_viscosity_out[i] = wp.vec4(up[0], up[1], up[2], viscosity[i])
 
 
-@wp.func
-def packed_velocity(parameters: Parameters, x: float, u: wp.vec3, mu: float) -> wp.vec4:
-    """(u, v, w, mu) as pair loops read it; in a plane (u, x, w, mu)."""
-    return wp.vec4(u[0], wp.where(parameters.dimensions == 2, x, u[1]), u[2], mu)
-
-
 @wp.kernel(enable_backward=False)
 def start_stages(
     first: int,
@@ -227,7 +221,7 @@ def start_stages(
 ):
     """Y_0 of `viscous_stage`, the velocity at the start of the step, packed."""
     i = first + wp.tid()
-    velocity_viscosity_out[i] = packed_velocity(parameters, position_volume[i][0], velocity[i], viscosity[i])
+    velocity_viscosity_out[i] = pack_velocity(parameters.dimensions, position_volume[i][0], velocity[i], viscosity[i])
 
 
 @wp.kernel(enable_backward=False)
@@ -272,7 +266,7 @@ def viscous_stage(
     F = parameters.gravity + pressure_acceleration[i] + dissipative_acceleration[i] + wall_acceleration[i]
     u = velocity[i] + share * dt[0] * parameters.mobility[f] * (a + elapsed * F)
     viscous_acceleration_inout[i] = a
-    velocity_viscosity_out[i] = packed_velocity(parameters, position_volume[i][0], u, viscosity[i])
+    velocity_viscosity_out[i] = pack_velocity(parameters.dimensions, position_volume[i][0], u, viscosity[i])
 
 
 @wp.kernel(enable_backward=False)

@@ -19,6 +19,7 @@ from warpsph.placement.dummies import layer_count
 from warpsph.placement.images import find_edges
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
+from warpsph.placement.sound import round_up
 from warpsph.rheology import Viscous, viscous
 from warpsph.scene.scene import Scene, wants_lists
 from warpsph.shapes.outline import Array
@@ -319,15 +320,9 @@ def _no_room(scene: Scene, counts: Counts, device: wp.Device, slack: float) -> s
             return f"{words}, which is not enough for any scene"
         if times == 1.0:
             return words
-        return f"{words}; spacing={_round_up(times * scene.spacing):g} would fit"
+        return f"{words}; spacing={round_up(times * scene.spacing):g} would fit"
     return ""
 
 
 def _size(value: float) -> str:
     return f"{value / 1e9:.3g} GB" if value >= 1e9 else f"{value / 1e6:.3g} MB"
-
-
-def _round_up(value: float) -> float:
-    """The next number of three digits."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return round(math.ceil(value / unit - 1e-9) * unit, 12)

@@ -53,11 +53,28 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
     normals = np.array([normal for normal, _ in mirrors]).reshape(-1, 3)
     offsets = np.array([offset - normal @ low for normal, offset in mirrors])
     norm = kernel.normalisation[scene.dimensions] / h ** (scene.dimensions + 2)
-    given = [h, norm, dx, int(scene.dimensions == 2)]
+    cells = np.minimum(np.ceil((high - low) / reach).astype(int), 128).tolist()
     holds = [sites.holds for sites in fluids if sites.mirrors]
+
+    def evened(sweeps: int) -> Array:
+        """The points after so many sweeps, or as many as it takes."""
+        with wp.ScopedDevice("cpu"):
+            here = wp.array(points, dtype=wp.vec3)
+            there = wp.empty_like(here)
+            fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
+            planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
+            given = [h, norm, dx, int(scene.dimensions == 2), *planes]
+            grid = wp.HashGrid(*cells)
+            for sweep in range(sweeps):
+                grid.build(here, reach)
+                launch(pack_kernel(scene.smoothing.kernel), len(points), [0, grid.id, *given, here, *fixed, there])
+                here, there = there, here
+                if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
+                    break
+            return here.numpy().astype(np.float64)
+
     for sweeps in (MOST_SWEEPS, *[MORE_SWEEPS] * MOST_ROUNDS):
-        cells = np.minimum(np.ceil((high - low) / reach).astype(int), 128).tolist()
-        points = _even(points, volumes, mobility, normals, offsets, given, scene.smoothing.kernel, reach, cells, sweeps)
+        points = evened(sweeps)
         # Where water thins out over a bed there is no room: what would go through it stays where it was.
         moved = np.flatnonzero(mobility > 0.0)
         packed, before = points[moved] + low, position[beside[moved]]
@@ -75,31 +92,3 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
     position = position.copy()
     position[np.ix_(beside[moved], axes)] = (points[moved] + low)[:, axes]
     return position
-
-
-def _even(
-    points: Array,
-    volumes: Array,
-    mobility: Array,
-    normals: Array,
-    offsets: Array,
-    given: Sequence[float],
-    smoothing: str,
-    reach: float,
-    cells: Sequence[int],
-    sweeps: int,
-) -> Array:
-    """Points [m], shape [n, 3], after sweeps of packing; those of `mobility` 0 or less stay where they are."""
-    with wp.ScopedDevice("cpu"):
-        here = wp.array(points, dtype=wp.vec3)
-        there = wp.empty_like(here)
-        fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
-        planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
-        grid = wp.HashGrid(*cells)
-        for sweep in range(sweeps):
-            grid.build(here, reach)
-            launch(pack_kernel(smoothing), len(points), [0, grid.id, *given, *planes, here, *fixed, there])
-            here, there = there, here
-            if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * given[2]:
-                break
-        return here.numpy().astype(np.float64)

@@ -86,7 +86,7 @@ def slow_sound(scene: Scene, drop: float, solids: Sequence[Solid]) -> list[str]:
             if c >= need.enough:
                 continue
             is_refused = c < need.least
-            words = f"low {need.why}; at least {_round_up(need.least):g} m/s is needed (and {need.advised:g} advised)"
+            words = f"low {need.why}; at least {round_up(need.least):g} m/s is needed (and {need.advised:g} advised)"
             error = scene.error(path, f"{c:g} m/s is {'too ' if is_refused else ''}{words}")
             if is_refused and "low_sound_speed" not in scene.allow:
                 raise error
@@ -110,7 +110,7 @@ def needs_of(scene: Scene, drop: float, solids: Sequence[Solid]) -> dict[str, li
             if fall >= moved:
                 begun = f" begun at {max(starts):.3g} m/s" if max(starts) else ""
                 why = f"for a drop of {drop:.3g} m{begun}"
-            advised = ADVISED / REFUSED * _round_up(REFUSED * speed)
+            advised = ADVISED / REFUSED * round_up(REFUSED * speed)
             needs[name].append(Need(REFUSED * speed, SOUND_OVER_SPEED * speed, advised, why))
         # A light fluid is pressed by what a heavy one weighs, and is as stiff as its own density makes it.
         weight = used[heaviest].density * scene.gravity * drop
@@ -118,11 +118,11 @@ def needs_of(scene: Scene, drop: float, solids: Sequence[Solid]) -> dict[str, li
             least, enough = (math.sqrt(f * weight / material.density) for f in (LEAST_STIFFNESS, ADVISED_STIFFNESS))
             why = f"to carry {drop:.3g} m of '{heaviest}', {used[heaviest].density:g} kg/m3, beside "
             why += f"{material.density:g} kg/m3"
-            needs[name].append(Need(least, enough, _round_up(enough), why))
+            needs[name].append(Need(least, enough, round_up(enough), why))
     return needs
 
 
-def _round_up(value: float) -> float:
+def round_up(value: float) -> float:
     """The next number of three digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return math.ceil(value / unit - 1e-9) * unit
+    return round(math.ceil(value / unit - 1e-9) * unit, 12)
