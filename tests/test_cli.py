@@ -15,7 +15,7 @@ import warpsph
 from warpsph.cli import BLOWN_UP, INPUT, INVALID, MACHINE, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 
 # A landslide that takes a second: a fifth of the resolution, a twentieth of the time.
 COARSE = ["--set", "spacing=0.025", "--until", "0.1"]

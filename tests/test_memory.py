@@ -10,7 +10,7 @@ import warpsph.memory
 from warpsph.cli import MACHINE, SCENES, main
 from warpsph.memory import NoRoomError, counts_of, memory_of, refuse_too_big, rough_counts, with_neighbours
 from warpsph.placement.place import place
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.simulation import Simulation
 
 COLUMN = str(SCENES / "column_3d.yaml")

@@ -12,7 +12,8 @@ from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
 from warpsph.placement.sound import with_sound
 from warpsph.rheology import kinematic_viscosities, viscous
-from warpsph.scene.scene import Scene, SceneError
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.simulation import Simulation, place_within
 

@@ -21,7 +21,8 @@ from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
 from warpsph.placement.sound import round_up
 from warpsph.rheology import Viscous, viscous
-from warpsph.scene.scene import Scene, wants_lists
+from warpsph.scene.contradictions import wants_lists
+from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
 from warpsph.shapes.surface import Crate, Sheet

@@ -10,7 +10,7 @@ import warp as wp
 from warpsph.kernels.artificial_viscosity import artificial_share
 from warpsph.kernels.rheology import Rheology
 from warpsph.kernels.viscosity import VISCOUS_COURANT
-from warpsph.scene.fluids import MOST_STAGES, ViscosityField
+from warpsph.scene.numerics import MOST_STAGES, ViscosityField
 from warpsph.scene.scene import Scene
 
 # Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.

@@ -30,7 +30,9 @@ from warpsph.output.gauge_waves import describe_gauge
 from warpsph.output.pages import is_ours, write_table
 from warpsph.output.plots import line_colors, name_lines, small_plot
 from warpsph.output.records import read_records
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 
 ATTEMPTS = 3  # of a member whose process is killed
 PERIOD = 0.1  # at which processes are looked after [s]

@@ -7,7 +7,7 @@ import pytest
 
 from warpsph.bodies.facets import facets
 from warpsph.placement.place import place
-from warpsph.scene.scene import SceneError
+from warpsph.scene.source import SceneError
 from warpsph.shapes.mesh import box_mesh
 
 POND = """\

@@ -9,7 +9,9 @@ import yaml
 
 from warpsph.placement.drawing import wall_outline
 from warpsph.placement.place import drop_height, near, place
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.shapes.outline import Bend, Line, Outline
 from warpsph.shapes.surface import contains
 

@@ -9,9 +9,10 @@ import pytest
 import yaml
 
 from warpsph.placement.place import place
-from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
+from warpsph.scene.loading import json_schema, load_scene
+from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Corner
-from warpsph.scene.source import read_yaml
+from warpsph.scene.source import SceneError, read_yaml
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
 MANUAL = (Path(__file__).parents[2] / "scenes" / "README.md").read_text(encoding="utf-8")

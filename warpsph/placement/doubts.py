@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from warpsph.placement.bodies import Solid
 from warpsph.placement.images import Edge
-from warpsph.scene.scene import Scene, SceneError
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.shapes.outline import Array
 from warpsph.shapes.surface import BLOCK, Crate, Sheet, around
 

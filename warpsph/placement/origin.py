@@ -16,7 +16,8 @@ from warpsph.scene.boundaries import Mirror, Periodic, Wall
 from warpsph.scene.fields import Part
 from warpsph.scene.fluids import Fill, Lattice
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, Window
-from warpsph.scene.scene import Scene, View
+from warpsph.scene.output import View
+from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Arc, BallField, BoxField, Corner, Disc, Shape, SolidField
 from warpsph.scene.waves import DampingZone, WaveMaker
 

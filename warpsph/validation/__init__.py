@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from warpsph.run import DONE, Run
-from warpsph.scene.scene import load_scene
+from warpsph.output.run_folder import DONE
+from warpsph.run import Run
+from warpsph.scene.loading import load_scene
 from warpsph.validation.blocks import (
     measure_block_maciel,
     measure_block_mki,
