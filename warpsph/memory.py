@@ -25,7 +25,7 @@ from warpsph.scene.contradictions import wants_lists
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.wall import Wall
 from warpsph.step.bodies import MOST_MOTION
 
 # Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].
@@ -125,7 +125,7 @@ def rough_counts(scene: Scene) -> Counts:
     for fluid in scene.fluids:
         if fluid.fill:
             bed = walls[names.index(fluid.fill.above)]
-            lower, upper = _box_of(scene, bed)
+            lower, upper = bed.box()
             upper[2] = fluid.fill.level
             if fluid.fill.between:
                 lower[0], upper[0] = np.clip(fluid.fill.between, lower[0], upper[0])
@@ -136,21 +136,13 @@ def rough_counts(scene: Scene) -> Counts:
             particles += body.volume / scene.spacing**scene.dimensions
             corner = body.first_corner()
             corners.append(corner)
-    corners += [corner for wall in walls for corner in _box_of(scene, wall)]
+    corners += [corner for wall in walls for corner in wall.box()]
     points = sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1)
     points *= _layers(scene) if has_dummies(scene) else 1.0
     return Counts(particles, points, 0.5 * points, 0.0, 0.0, (np.min(corners, axis=0), np.max(corners, axis=0)))
 
 
-def _box_of(scene: Scene, wall: Sheet | Crate) -> tuple[Array, Array]:
-    if isinstance(wall, Crate):
-        return wall.low.copy(), wall.high.copy()
-    x, z = wall.outline.polygon().T
-    y = wall.width or (0.0, 0.0)
-    return np.array([x.min(), y[0], z.min()]), np.array([x.max(), y[1], z.max()])
-
-
-def _filled(scene: Scene, bed: Sheet | Crate, lower: Array, upper: Array) -> float:
+def _filled(scene: Scene, bed: Wall, lower: Array, upper: Array) -> float:
     """Volume, in 2-D area, of the part of a box that a wall carries [m3 or m2]."""
     size = np.maximum(upper - lower, 0.0)
     count = [64, 1 if scene.dimensions == 2 else 8, 64]

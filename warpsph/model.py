@@ -22,7 +22,7 @@ from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
 from warpsph.scene.fluids import Material
 from warpsph.scene.scene import Scene
-from warpsph.shapes.surface import BLOCK, around
+from warpsph.shapes.points import BLOCK, around
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.

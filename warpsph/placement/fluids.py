@@ -24,10 +24,9 @@ from warpsph.placement.lattice import (
 )
 from warpsph.scene.fluids import FluidField
 from warpsph.scene.scene import Scene
-from warpsph.shapes.points import Array, near
-from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box
-
-Wall = Sheet | Crate
+from warpsph.shapes.points import BLOCK, Array, inside_box, near
+from warpsph.shapes.volumes import Frame
+from warpsph.shapes.wall import Wall
 
 # A cell that a wall cuts is felt out along so many lines each way.
 PROBES = {False: 16, True: 12}  # in a plane, in space

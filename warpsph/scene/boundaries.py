@@ -39,7 +39,7 @@ class BoxWall(BoxField):
         return self
 
 
-class Wall(Part):
+class WallField(Part):
     """A solid line, in 3-D a surface, that repels fluid on both of its sides."""
 
     name: Name = Field(description="Name of the wall [-].")
@@ -55,7 +55,7 @@ class Wall(Part):
     )
 
     @model_validator(mode="after")
-    def _is_one_line(self) -> Wall:
+    def _is_one_line(self) -> WallField:
         self._need_one_of("path", "box", "disc", "arc")
         refuse_width_of_box(self.box, self.width)
         if self.closed and self.path is None:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from warpsph.scene.bodies import BodyField
-from warpsph.scene.boundaries import ImageField, Wall, WallModel
+from warpsph.scene.boundaries import ImageField, WallField, WallModel
 from warpsph.scene.fields import Coefficient, Line, Name, NotNegative, Part, Point, Real, SwitchOrBounded, Text
 from warpsph.scene.fluids import FluidField, Material
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
@@ -74,7 +74,7 @@ class SceneFields(Part):
         description="How pair loops find neighbours [-]: lists (fast), or the cells around (little memory); auto: "
         "lists, but cells where only these fit into the memory that is free.",
     )
-    walls: Annotated[tuple[Wall, ...], Field(max_length=MOST_WALLS)] = Field((), description="Walls.")
+    walls: Annotated[tuple[WallField, ...], Field(max_length=MOST_WALLS)] = Field((), description="Walls.")
     wall_model: WallModel = Field(WallModel(), description="How walls push fluid away.")
     images: Annotated[tuple[ImageField, ...], Field(max_length=6)] = Field(
         (), description="Mirrors and periodic edges."
