@@ -72,11 +72,12 @@ class Member:
 
 @dataclass
 class MemberResult:
-    """What became of a member."""
+    """What became of a member; `code` is the exit code of one that failed, 0 where it has none."""
 
     member: Member
     outcome: str
     why: str = ""
+    code: int = 0
 
 
 def read_settings(settings: Sequence[str]) -> dict[str, list[str]]:
@@ -212,7 +213,8 @@ def run_locally(
                     _mark(member, folder)
                     yield MemberResult(member, "done")
                 else:
-                    yield MemberResult(member, "failed", said[-1] if said else f"exit code {process.returncode}")
+                    why = said[-1] if said else f"exit code {process.returncode}"
+                    yield MemberResult(member, "failed", why, process.returncode)
     finally:
         for process in running:
             process.terminate()  # ends at its next record, with a checkpoint

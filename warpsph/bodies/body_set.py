@@ -11,7 +11,15 @@ import warp as wp
 from numpy.typing import ArrayLike
 
 from warpsph.bodies.body import Body
-from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, corners_at, joined, touching
+from warpsph.bodies.contact_geometry import (
+    ContactLegs,
+    ContactPoints,
+    contact_depth,
+    corners_at,
+    joined,
+    joined_legs,
+    touching,
+)
 from warpsph.bodies.motion import KINDS, MotionTable
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
@@ -49,7 +57,7 @@ class BodySet:
         self,
         launcher: Launcher,
         bodies: Sequence[Body],
-        walls: Sequence[ContactLeg] = (),
+        walls: Sequence[ContactLegs] = (),
         wall_points: ContactPoints | None = None,
         *,
         dimensions: int = 2,
@@ -273,7 +281,7 @@ class BodySet:
             self._array(np.searchsorted(owners, np.arange(self.count + 1)), int),
         )
 
-    def _load_contact(self, walls: list[ContactLeg], wall_points: ContactPoints, dimensions: int, h: float) -> None:
+    def _load_contact(self, walls: list[ContactLegs], wall_points: ContactPoints, dimensions: int, h: float) -> None:
         self.contact = contact = contact_kernels.Contact()
         contact.slots, contact.capacity = SLOTS[dimensions], CAPACITY[dimensions]
         contact.sweeps, contact.tolerance, contact.tilt = SWEEPS, TOLERANCE, TILT
@@ -282,10 +290,10 @@ class BodySet:
         for name in ("restitution", "static_friction", "dynamic_friction"):
             setattr(contact, name, self._array([-1.0, *(getattr(b, name) for b in self.bodies)], wp.float64))
 
-        legs, owners, sets = list(walls), [0] * len(walls), [wall_points]
+        parts, owners, sets = list(walls), [0] * len(walls), [wall_points]
         for b, body in enumerate(self.bodies, 1):
             own, points = touching(body, contact.depth)
-            legs, owners, sets = legs + own, owners + [b] * len(own), [*sets, points]
+            parts, owners, sets = parts + own, owners + [b] * len(own), [*sets, points]
         for name, dtype in {"offset": wp.vec3d, "radius": wp.float64, "way": wp.vec3d, "spread": wp.float64}.items():
             setattr(contact, f"point_{name}", self._array(np.concatenate([getattr(p, name) for p in sets]), dtype))
         contact.point_length = self._array(np.concatenate([p.length for p in sets]), wp.float64)
@@ -294,21 +302,19 @@ class BodySet:
         contact.reach = self._array([math.inf, *reach], wp.float64)
         self._load_contact_blocks(joined(sets), [len(p.radius) for p in sets])
 
-        self._legs = legs
-        contact.leg_body, contact.leg_kind = self._array(owners, int), self._array([leg.kind for leg in legs], int)
-        for name in ("origin", "along", "normal", "center"):
-            setattr(contact, f"leg_{name}", self._array([getattr(leg, name) for leg in legs], wp.vec3d))
+        self._legs = legs = joined_legs(parts)
+        owner = np.repeat(np.array(owners, int), [len(part) for part in parts])
+        contact.leg_body, contact.leg_kind = self._array(owner, int), self._array(legs.kind, int)
+        for name in ("origin", "along", "normal", "center", "into"):
+            setattr(contact, f"leg_{name}", self._array(getattr(legs, name), wp.vec3d))
         for name in ("radius", "length", "reach"):
-            setattr(contact, f"leg_{name}", self._array([getattr(leg, name) for leg in legs], wp.float64))
+            setattr(contact, f"leg_{name}", self._array(getattr(legs, name), wp.float64))
         for name in ("start", "end", "width"):
-            setattr(contact, f"leg_{name}", self._array([getattr(leg, name) for leg in legs], wp.vec2d))
-        contact.leg_into = self._array(np.array([leg.into for leg in legs]).reshape(-1, 2, 3), wp.vec3d)
-        faces = [leg.face for leg in legs]
-        contact.leg_border = self._array(np.cumsum([0, *(len(face.corners) if face else 0 for face in faces)]), int)
-        for name, width in {"corners": 3, "into": 3, "beyond": 2}.items():
-            rows = np.concatenate([np.empty((0, width)), *(getattr(face, name) for face in faces if face)])
-            dtype = wp.vec3d if width == 3 else wp.vec2d
-            setattr(contact, f"border_{'start' if name == 'corners' else name}", self._array(rows, dtype))
+            setattr(contact, f"leg_{name}", self._array(getattr(legs, name), wp.vec2d))
+        contact.leg_border = self._array(np.append(0, np.cumsum(legs.borders)), int)
+        contact.border_start = self._array(legs.border_start, wp.vec3d)
+        contact.border_into = self._array(legs.border_into, wp.vec3d)
+        contact.border_beyond = self._array(legs.border_beyond, wp.vec2d)
 
         shape = self.count, contact.capacity
         self._chosen = self._zeros(int, max(self.count * len(legs), 1), contact.slots)
