@@ -58,6 +58,7 @@ from warpsph.scene.fluids import (
     ViscosityField,
 )
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, RunUp
+from warpsph.scene.schemes import SchemeName, strange_to_scheme, suited
 from warpsph.scene.source import SceneError, SourceMap, apply_override, closest, nearest, read_text, read_yaml, show
 from warpsph.scene.waves import PADDLE, DampingZone, WaveMaker
 
@@ -94,10 +95,14 @@ class RunField(Part):
     courant: Annotated[Real, Field(ge=0.001, le=1)] = Field(
         0.5, description="Courant number: dt = courant h / (c + u) [-]."
     )
-    integrator: Literal["verlet", "predictor_corrector", "runge_kutta"] = Field(
+    time_step: Annotated[Real, Field(ge=1e-9, le=1)] | None = Field(
+        None, description="Fixed time step of the scheme mueller [s]; other schemes find their own."
+    )
+    integrator: Literal["verlet", "predictor_corrector", "runge_kutta", "leapfrog"] = Field(
         "verlet",
         description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
-        "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
+        "of second order; verlet keeps energy best; predictor_corrector does not move bodies; leapfrog is that of the "
+        "scheme mueller, which knows no other.",
     )
     max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(
         None, description="Number of steps from which on the run stops, at its next record [-]; no limit when absent."
@@ -159,6 +164,11 @@ class Scene(Part):
 
     title: Line = Field(description="One line for reports [-].")
     source: Text = Field("", description="Where the case comes from [-].")
+    scheme: SchemeName = Field(
+        "weakly_compressible",
+        description="How the equations of flow are solved [-]: weakly_compressible, or mueller, Braga's (2018) for the "
+        "sake of comparison: density by summation, a kernel for each purpose, walls that throw particles back, 2-D.",
+    )
     dimensions: Literal[2, 3] = Field(
         2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane, points of a 3-D one are [x, y, z]."
     )
@@ -315,6 +325,11 @@ class Scene(Part):
 
     @model_validator(mode="before")
     @classmethod
+    def _suit_the_scheme(cls, data: Any) -> Any:
+        return suited(data) if isinstance(data, dict) else data
+
+    @model_validator(mode="before")
+    @classmethod
     def _know_new_words(cls, data: Any) -> Any:
         """Scenes from before real viscosity had the plain word say `viscosity` of the artificial one."""
         if isinstance(data, dict):
@@ -340,6 +355,7 @@ def place(coordinate: float, origin: float) -> str:
 def wants_lists(scene: Scene) -> list[str]:
     """What of a scene cannot do with the cells around: pair loops beside those of pressure and density."""
     needs = {
+        "the scheme mueller": scene.scheme == "mueller",
         "antuono's diffusion of density": scene.density_diffusion.model == "antuono",
         "walls of dummy particles": bool(scene.walls) and scene.wall_model.force == "dummy_particles",
         "images": scene.images,
@@ -353,11 +369,12 @@ def wants_lists(scene: Scene) -> list[str]:
 def _contradictions(scene: Scene) -> Iterator[tuple[str, str]]:
     """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
     yield from _too_often(scene)
+    yield from strange_to_scheme(scene)
     if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
         law = scene.wall_model.force
         yield "wall_model.force", f"{law} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
     yield from _strange_to_dummies(scene)
-    if scene.neighbours == "cells":
+    if scene.neighbours == "cells" and scene.scheme == "weakly_compressible":
         yield from (("neighbours", f"lists are needed for {name}") for name in wants_lists(scene))
     flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
     if scene.shifting.velocity == "local" and not any(material.viscosity for material in flowing):
