@@ -18,7 +18,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -187,7 +187,7 @@ def share_cores(workers: int | None, cores: int) -> tuple[int, int]:
 
 def run_locally(
     file: Path, todo: Sequence[Member], folder: Path, *, workers: int, threads: int, device: str
-) -> Iterator[MemberResult]:
+) -> Generator[MemberResult]:
     """Run members in processes of their own, `workers` at a time; one that is killed is begun anew."""
     waiting = [(member, 1) for member in todo]
     running: dict[subprocess.Popen[str], tuple[Member, int]] = {}
@@ -222,7 +222,7 @@ def run_locally(
             process.wait()
 
 
-def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Iterator[MemberResult]:
+def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Generator[MemberResult]:
     """Run members on the workers of a Dask cluster, one at a time on each, with all of its threads.
 
     Raises SweepError where there is no Dask, or no cluster at `address`.
@@ -287,7 +287,7 @@ def _mark(member: Member, folder: Path) -> None:
 
 def sweep(
     todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[MemberResult]]
-) -> Iterator[MemberResult]:
+) -> Generator[MemberResult]:
     """All members in turn: those that are done or refused at once, the others as `run` ends them.
 
     Raises SweepError, before anything is run, where the results would take the place of what no sweep has written.
