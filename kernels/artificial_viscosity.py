@@ -40,10 +40,10 @@ def artificial_share(artificial_viscosity: str, smoothing: str, dimensions: int)
     on approaching pairs, which in shear are half of them: 1/16 in the plane, less 1 or 2 % by the 0.01 h^2.
     """
     kernel = SMOOTHING[smoothing]
-    # Gauss-Legendre nodes between the knots of the kernels, all of them whole numbers.
+    # Gauss-Legendre nodes between the knots of the kernels, all of them thirds.
     node, weight = np.polynomial.legendre.leggauss(24)
-    q = np.concatenate([0.5 * (node + 1.0) + knot for knot in range(int(kernel.support))])
-    weight = 0.5 * np.tile(weight, int(kernel.support))
+    q = np.concatenate([(0.5 * (node + 1.0) + knot) / 3.0 for knot in range(int(3.0 * kernel.support))])
+    weight = np.tile(weight, int(3.0 * kernel.support)) / 6.0
     slope = np.array([float(kernel.slope(float(value))) for value in q])
     sphere = 2.0 * math.pi if dimensions == 2 else 4.0 * math.pi
     density = -sphere * kernel.normalisation[dimensions] * slope * q ** (dimensions + 1) / dimensions

@@ -63,6 +63,32 @@ def cubic_spline_slope(q: float) -> float:
 
 
 @wp.func
+def fourth(a: float) -> float:
+    """a^4."""
+    square = a * a
+    return square * square
+
+
+@wp.func
+def quintic_spline(q: float) -> float:
+    """w = (3 - s)^5 - 6 (2 - s)^5 + 15 (1 - s)^5, each bracket >= 0, s = 3 q / 2: Morris, Fox & Zhu (1997).
+
+    They have h so that it ends at 3 h; here it ends at 2 h like the others.
+    """
+    s = 1.5 * q
+    outer, middle, inner = wp.max(3.0 - s, 0.0), wp.max(2.0 - s, 0.0), wp.max(1.0 - s, 0.0)
+    return outer * fourth(outer) - 6.0 * middle * fourth(middle) + 15.0 * inner * fourth(inner)
+
+
+@wp.func
+def quintic_spline_slope(q: float) -> float:
+    """s = -15/2 ((3 - s)^4 - 6 (2 - s)^4 + 15 (1 - s)^4) / q, each bracket >= 0, s = 3 q / 2."""
+    s = 1.5 * q
+    outer, middle, inner = wp.max(3.0 - s, 0.0), wp.max(2.0 - s, 0.0), wp.max(1.0 - s, 0.0)
+    return -7.5 * (fourth(outer) - 6.0 * fourth(middle) + 15.0 * fourth(inner)) / wp.max(q, 1.0e-6)
+
+
+@wp.func
 def gaussian(q: float) -> float:
     """w = exp(-q^2), cut at q = 3: Vasco (2014) eq 30 with the constant of two or three dimensions."""
     if q < 3.0:
@@ -89,6 +115,12 @@ SMOOTHING: Mapping[str, SmoothingKernel] = {
     # Vasco (2014) eq 32 prints 10 / (7 pi), which integrates to 2/3.
     "cubic_spline": SmoothingKernel(
         cubic_spline, cubic_spline_slope, 2.0, {2: 15.0 / (7.0 * math.pi), 3: 3.0 / (2.0 * math.pi)}
+    ),
+    "quintic_spline": SmoothingKernel(
+        quintic_spline,
+        quintic_spline_slope,
+        2.0,
+        {2: 9.0 / 4.0 * 7.0 / (478.0 * math.pi), 3: 27.0 / 8.0 / (120.0 * math.pi)},
     ),
     "gaussian": SmoothingKernel(
         gaussian,

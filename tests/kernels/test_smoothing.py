@@ -13,7 +13,12 @@ from warpsph.kernels.smoothing import SMOOTHING
 # Shapes are of order 1 and evaluated in single precision, to about 1e-7; quadrature is exact beyond that.
 TOLERANCE = 2e-6
 
-KNOTS = {"wendland_c2": [0, 2], "cubic_spline": [0, 1, 2], "gaussian": [0, 1, 2, 3]}
+KNOTS = {
+    "wendland_c2": [0, 2],
+    "cubic_spline": [0, 1, 2],
+    "quintic_spline": [0, 2 / 3, 4 / 3, 2],
+    "gaussian": [0, 1, 2, 3],
+}
 
 pytestmark = pytest.mark.parametrize("name", SMOOTHING)
 
@@ -79,8 +84,8 @@ def test_falls_from_its_middle_to_its_support(evaluate, name):
     assert np.all(slope[1:] < 0.0) and np.isfinite(slope[0])
 
 
-def test_thesis_formula(evaluate, name):
-    """Vasco (2014) eq 30, 32 and section 5.4, with the constant of eq 32 put right.
+def test_formula(evaluate, name):
+    """Vasco (2014) eq 30, 32 and section 5.4, with the constant of eq 32 put right; Morris, Fox & Zhu (1997).
 
     Eq 32 prints 10 / (7 pi), which integrates to 2/3 rather than to 1.
     """
@@ -88,10 +93,16 @@ def test_thesis_formula(evaluate, name):
     formula, constant = {
         "wendland_c2": (lambda q: (1 - q / 2) ** 4 * (1 + 2 * q), 7 / (4 * pi)),
         "cubic_spline": (lambda q: np.where(q < 1, 2 / 3 - q**2 + q**3 / 2, (2 - q) ** 3 / 6), 15 / (7 * pi)),
+        # Morris, Fox & Zhu have h two thirds of ours.
+        "quintic_spline": (
+            lambda q: sum(c * np.maximum(a - 1.5 * q, 0.0) ** 5 for a, c in ((3, 1), (2, -6), (1, 15))),
+            1.5**2 * 7 / (478 * pi),
+        ),
         "gaussian": (lambda q: np.exp(-(q**2)), 1 / (pi * cut)),
     }[name]
     q = np.linspace(0.0, SMOOTHING[name].support - 1e-3, 100, dtype=np.float32).astype(float)
-    np.testing.assert_allclose(evaluate(SMOOTHING[name].shape, q), formula(q), rtol=0, atol=TOLERANCE)
+    w = formula(q)
+    np.testing.assert_allclose(evaluate(SMOOTHING[name].shape, q), w, rtol=0, atol=TOLERANCE * w.max())
     assert SMOOTHING[name].normalisation[2] == pytest.approx(constant, rel=1e-12)
     if name == "cubic_spline":
         q, weight = gauss(KNOTS[name])

@@ -11,21 +11,17 @@ _SLOPES = "the slide is five spacings high and its waves two to four: not known 
 
 _SPREADS = "the wave spreads from one gauge to the next: its foot runs at 1.8 m/s, its crest at 1.5 m/s"
 _LINE = "what lies alone on a wall of dummies rests on its line, to a twentieth of a spacing"
-_LATTICE = "the first moment of the kernel over the lattice is 0.99 at h = 1.4 dx, so pressure reads 1 % more"
 
 # By case, patterns of quantities.
 EXPECTED: Mapping[str, Mapping[str, str]] = {
     **{name: {"particles behind a wall": _LINE} for name in ("landslide", "landslide_0175")},
     "landslide_0200": {"particles behind a wall": _LINE, "celerity of the wave, *": _SPREADS},
-    "still_water": {"pressure *": _LATTICE},
-    "still_water_3d": {"pressure *": _LATTICE},
     "wedge_entry": {"particles in the wedge": "the impact is chaotic: 0 or 1 by the last digit of the time step"},
     "block_maciel": {"energy of the wave over *": _SHARE, "the same over its kinetic energy *": _SHARE},
     "block_mki": {"energy of the wave over *": _SHARE, "the same over its kinetic energy *": _SHARE},
     "wave_maker": {"H / S, kd = 1.5": "the artificial viscosity takes 4 % a second from the shortest wave"},
     "solitary": {
-        "height lost in ten depths, *": "a third is dissipated, the rest changes the shape of the wave",
-        "celerity, *": "the wave that is left has not the shape of the theory's",
+        "celerity, H / d = 0.2": "1.4 % with twenty rows, as lattices that are drawn out still resist a little"
     },
     "reservoir": {"coefficient of discharge less 0.60": "0.65 with a slot ten spacings wide; finer ones were not run"},
     "submarine_slide": {"trough at g1": _SLOPES, "crest at g2": _SLOPES},
