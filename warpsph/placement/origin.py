@@ -24,7 +24,7 @@ from warpsph.scene.waves import DampingZone, WaveMaker
 # A drawing that reaches no farther from zero than so many spacings, or than so many times its own size, is left there.
 NEAR_SPACINGS, NEAR_SIZES = 2000.0, 2.0
 
-# The fields that name a place, and along which axes their numbers count: those of a point go by how many there are.
+# The fields that name a place, and along which axes their numbers count: of a point it goes by how many there are.
 POINT = ""
 PLACES: Mapping[type[Part], Mapping[str, str]] = {
     BoxField: {"min": POINT, "max": POINT},
