@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import warpsph
+from warpsph import cli
 from warpsph.cli import BLOWN_UP, INPUT, INVALID, MACHINE, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
@@ -240,3 +241,13 @@ def test_blow_up_is_told_and_keeps_the_last_good_frame(tmp_path, capsys):
     assert told.startswith("blew up: particle ") and " at t = " in told and "x = " in told
     assert json.loads((folder / "run.json").read_text())["outcome"] == "blew up"
     assert check_cache(folder / "usd") == []
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_ends_any_command_with_a_line(name, monkeypatch, capsys):
+    if not hasattr(signal, name) or signal.getsignal(getattr(signal, name)) is signal.SIG_IGN:
+        pytest.skip("does not come here")
+    monkeypatch.setitem(cli._COMMANDS, "list", lambda _: os.kill(os.getpid(), getattr(signal, name)))
+    assert main(["list"]) == STOPPED_EARLY
+    assert capsys.readouterr().err == f"stopped {'from the keyboard' if name == 'SIGINT' else f'by {name}'}\n"
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

@@ -1,11 +1,13 @@
 """Runs laid over each other: how far the gauges of one are off those of another."""
 
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from warpsph.cli import INPUT, OK, main
+from warpsph.cli import INPUT, MACHINE, OK, main
 from warpsph.compare import HEADINGS, compare
 
 
@@ -61,3 +63,20 @@ def test_mistakes_are_one_line(runs, tmp_path, capsys):
 def test_a_file_of_the_user_among_the_gauges_is_left_out(runs):
     (runs[0] / "gauges/measured.csv").write_text("t;h\n0;1\n")
     assert len(compare(runs).rows) == 2
+
+
+def test_a_full_disk_is_a_line_and_leaves_the_page_before(runs, tmp_path, monkeypatch, capsys):
+    page = tmp_path / "page.html"
+    assert main(["compare", *map(str, runs), "--out", str(page)]) == OK
+    before, write = page.read_bytes(), Path.write_text
+
+    def fill(path: Path, text: str, **options: str) -> None:
+        write(path, text[:100], **options)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", fill)
+    capsys.readouterr()
+    assert main(["compare", *map(str, runs), "--out", str(page)]) == MACHINE
+    assert capsys.readouterr().err == f"{page}: No space left on device\n"
+    assert page.read_bytes() == before
+    assert not list(tmp_path.glob(".*"))

@@ -31,6 +31,7 @@ def allocated() -> int:
         ("floating_box_3d", ["spacing=0.03"]),
         ("landslide", []),
         ("viscous_dam_break", []),
+        ("braga_pool", []),
     ],
     ids=lambda value: value if isinstance(value, str) else " ".join(value),
 )

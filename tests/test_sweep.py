@@ -1,6 +1,7 @@
 """Sweeps: which members there are, that a sweep goes on and begins anew what was killed, and its table."""
 
 import csv
+import errno
 import os
 import signal
 import sys
@@ -11,7 +12,7 @@ import pytest
 
 from scenes import block, scene
 from warpsph import sweep
-from warpsph.cli import INPUT, INVALID, OK, main
+from warpsph.cli import INPUT, INVALID, MACHINE, OK, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 
 TANK = scene(
@@ -169,3 +170,40 @@ def test_members_are_countable_and_their_folders_have_names(tank):
         sweep.product({name: ["1"] * 100 for name in "abc"})
     names = [member.name for member in sweep.members(tank, [{"title": "x" * 300}, {"title": "x" * 299 + "y"}])]
     assert len(set(names)) == 2 and max(map(len, names)) <= sweep.LONGEST_NAME
+
+
+def test_an_interrupt_ends_the_members_too(tank, tmp_path, monkeypatch, capsys):
+    popen, begun = sweep.subprocess.Popen, []
+
+    def launch(_, **options):
+        begun.append(popen([sys.executable, "-c", "import time; time.sleep(60)"], **options))
+        return begun[-1]
+
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep.subprocess, "Popen", launch)
+    monkeypatch.setattr(sweep.time, "sleep", interrupt)
+    words = ["sweep", str(tank), "--set", "gravity=9,8", "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(words) == STOPPED_EARLY
+    assert [process.returncode for process in begun] == [-signal.SIGTERM]
+    told = capsys.readouterr().err
+    assert told == "stopped from the keyboard; the same command goes on with what is left of the sweep\n"
+
+
+def test_a_full_disk_is_told_by_members_and_by_the_table(tank, tmp_path, monkeypatch, capsys):
+    popen, full = (
+        sweep.subprocess.Popen,
+        "import sys; print('out: No space left on device', file=sys.stderr); sys.exit(4)",
+    )
+    monkeypatch.setattr(sweep.subprocess, "Popen", lambda _, **options: popen([sys.executable, "-c", full], **options))
+    words = ["sweep", str(tank), "--set", "gravity=9", "--out", str(tmp_path / "out")]
+    assert main(words) == MACHINE
+    assert "tank: failed, out: No space left on device" in capsys.readouterr().err
+
+    def refuse(path, _):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(sweep, "write_whole", refuse)
+    assert main(words) == MACHINE
+    assert capsys.readouterr().err.splitlines()[-1].endswith("sweep.csv: No space left on device")

@@ -12,7 +12,17 @@ if not hasattr(warpsph, "__version__"):  # beside the caller lies a folder of th
     print(f"{place}: this folder hides the package warpsph; call it from another folder", file=sys.stderr)
     sys.exit(2)
 
-from warpsph.cli import main  # noqa: E402
+
+def start() -> int:
+    """What the command `warpsph` does, too; stopped while it is still being loaded, it says so in a line."""
+    try:
+        from warpsph.cli import main
+
+        return main(began=BEGAN)
+    except KeyboardInterrupt:
+        print("stopped from the keyboard", file=sys.stderr)
+        return 5
+
 
 if __name__ == "__main__":
-    sys.exit(main(began=BEGAN))
+    sys.exit(start())

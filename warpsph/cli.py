@@ -10,7 +10,9 @@ import json
 import logging
 import os
 import re
+import signal
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -18,8 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from warpsph.arguments import completion, parser
-from warpsph.device.launch import DeviceError
-from warpsph.output.checkpoint import CheckpointError
 from warpsph.output.progress import tell
 from warpsph.scene.loading import json_schema, load_scene
 from warpsph.scene.scene import Scene
@@ -48,14 +48,40 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
         return OK
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()
+    with _signals_as_interrupts():
+        try:
+            return _run_command(options)
+        except KeyboardInterrupt as stop:
+            return _complain(f"stopped {_by(stop)}", STOPPED_EARLY)
+
+
+@contextlib.contextmanager
+def _signals_as_interrupts() -> Iterator[None]:
+    """What ends a program from outside ends a command as Ctrl-C does; a run holds both back until its next record."""
+
+    def end(number: int, _: object) -> None:
+        raise KeyboardInterrupt(f"by {signal.Signals(number).name}")
+
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    is_main = threading.current_thread() is threading.main_thread()  # Python hands them to no other
+    taken = [number for number in numbers if is_main and signal.getsignal(number) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, end)
     try:
-        return _run_command(options)
-    except KeyboardInterrupt:
-        return _complain("stopped from the keyboard", STOPPED_EARLY)
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _by(stop: KeyboardInterrupt) -> str:
+    return str(stop) or "from the keyboard"
 
 
 def _run_command(options: argparse.Namespace) -> int:
-    from warpsph.memory import NoRoomError  # the heavy imports come only once the words are understood
+    from warpsph.device.launch import DeviceError  # the heavy imports come only once the words are understood
+    from warpsph.memory import NoRoomError
+    from warpsph.output.checkpoint import CheckpointError
     from warpsph.output.claim import FolderError
 
     try:
@@ -197,7 +223,6 @@ def _check(options: argparse.Namespace) -> int:
     from warpsph.device.launch import Launcher
     from warpsph.forecast import forecast
     from warpsph.output.gauge_waves import read_observed
-    from warpsph.placement.sound import chosen_sound
 
     if options.picture and (options.picture.suffix != ".png" or not options.picture.absolute().parent.is_dir()):
         raise _InputError(f"{options.picture}: --picture needs a file that ends in .png, in a folder that is there")
@@ -225,7 +250,7 @@ def _check(options: argparse.Namespace) -> int:
         _print(f"  memory          {arrays} on the device, {memory.host / 1e6:,.0f} MB at most on the host")
     for name, (own, artificial) in facts.viscosities.items():
         _print(f"  viscosity       {name}: {own:.2e} m2/s of its own, {artificial:.2e} m2/s artificial")
-    for name, need in chosen_sound(scene).items():
+    for name, need in facts.sound.items():
         _print(f"  sound speed     {name}: {need.advised:g} m/s, chosen {need.why}")
     if facts.viscous_stages:
         _print(f"  viscous sweeps  {facts.viscous_stages} a step")
@@ -347,15 +372,20 @@ def _sweep(options: argparse.Namespace) -> int:
             raise sweep.SweepError(members[0].refused)
         order = {member.name: i for i, member in enumerate(members)}
         results = []
-        for result in sweep.sweep(members, folder, run):
-            results.append(result)
-            why = f", {result.why}" if result.why else ""
-            tell(f"{len(results)} of {len(members)}: {result.member.name}: {result.outcome}{why}\n", sys.stderr)
+        with contextlib.closing(sweep.sweep(members, folder, run)) as ended:  # whatever happens, its members end too
+            for result in ended:
+                results.append(result)
+                why = f", {result.why}" if result.why else ""
+                tell(f"{len(results)} of {len(members)}: {result.member.name}: {result.outcome}{why}\n", sys.stderr)
         results.sort(key=lambda result: order[result.member.name])
         title = next(member.scene.title for member in members if member.scene)
         _print(sweep.write_results(results, folder, f"{title}: a sweep"))
     except (sweep.SweepError, PageError) as error:
         return _complain(str(error), INPUT)
+    except KeyboardInterrupt as stop:
+        raise KeyboardInterrupt(f"{_by(stop)}; the same command goes on with what is left of the sweep") from None
+    if any(result.code == MACHINE for result in results):
+        return MACHINE
     return OK if all(result.outcome == "done" for result in results) else INVALID
 
 

@@ -10,11 +10,11 @@ from warpsph.device.launch import Launcher
 from warpsph.memory import Memory, counts_of, memory_of, with_neighbours
 from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
-from warpsph.placement.sound import with_sound
+from warpsph.placement.sound import Need, chosen_sound, with_sound
 from warpsph.rheology import kinematic_viscosities, viscous
 from warpsph.scene.scene import Scene
 from warpsph.scene.source import SceneError
-from warpsph.schemes.weakly_compressible import WeaklyCompressible
+from warpsph.schemes.choice import scheme_of
 from warpsph.simulation import Simulation, place_within
 
 
@@ -31,6 +31,7 @@ class Forecast:
     steps: int
     viscosities: dict[str, tuple[float, float]]  # of each material, its greatest own and the artificial one [m2/s]
     viscous_stages: int  # sweeps of a step for viscosity
+    sound: dict[str, Need]  # of each material for which the scene has no speed of sound
     step_seconds: float  # that a step is expected to take on this machine [s]
     warnings: tuple[str, ...]
 
@@ -53,7 +54,8 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
     taken from a coarse rehearsal: both go by speeds over that of sound and by motion over the spacing, so that they
     change little with the spacing.
     """
-    scene = with_neighbours(localised(with_sound(scene)), launcher.device)
+    sound = chosen_sound(scene)
+    scene = with_neighbours(localised(with_sound(scene, sound)), launcher.device)
     placement = place_within(scene, launcher.device)
     start, law = Start.of(placement), viscous(scene, launcher.device)
     memory = memory_of(scene, counts_of(scene, placement), shared=launcher.device.is_cpu)
@@ -70,7 +72,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         seconds * count / simulation.model.particle_count for seconds in _time_steps(simulation)
     )
     del simulation
-    dt = WeaklyCompressible.longest_step(scene, law, start.top_speed)
+    dt = scheme_of(scene).longest_step(scene, law, start.top_speed)
     duration = scene.run.end_time - scene.start_time
     shrinking, lists_a_step = _rehearse(scene, launcher, count, duration / dt * step_seconds)
     return Forecast(
@@ -84,6 +86,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         steps=math.ceil(duration / dt * shrinking + 0.5 * _count_records(scene)),
         viscosities=kinematic_viscosities(scene),
         viscous_stages=law.stages if law else 0,
+        sound=sound,
         step_seconds=step_seconds + lists_a_step * list_seconds,
         warnings=start.warnings,
     )
@@ -160,5 +163,7 @@ def _rehearse(scene: Scene, launcher: Launcher, count: int, seconds: float) -> t
     gone, steps = simulation.time - scene.start_time, simulation.step_count
     if not gone:
         return 1.0, 0.0
-    dt = WeaklyCompressible.longest_step(simulation.scene, simulation.model.viscous, simulation.start.top_speed)
+    dt = scheme_of(simulation.scene).longest_step(
+        simulation.scene, simulation.model.viscous, simulation.start.top_speed
+    )
     return max(1.0, steps * dt / gone), step.neighbours.rebuilds / steps

@@ -174,6 +174,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
     a_particle += 12.0 * (scene.density_diffusion.model in BY_GRADIENT) + 24.0 * averages
     a_particle += 8.0 * (scene.density_filter.model != "none") + 4.0 * (scene.shifting.model != "none")
     a_particle += 4.0  # first wall point
+    a_particle += 16.0 * (scene.scheme == "mueller")  # half a step's velocity, impulses of walls; no rates
     if law:
         a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
         a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced + 16.0 * has_dummies(scene)

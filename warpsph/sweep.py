@@ -18,7 +18,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,11 +72,12 @@ class Member:
 
 @dataclass
 class MemberResult:
-    """What became of a member."""
+    """What became of a member; `code` is the exit code of one that failed, 0 where it has none."""
 
     member: Member
     outcome: str
     why: str = ""
+    code: int = 0
 
 
 def read_settings(settings: Sequence[str]) -> dict[str, list[str]]:
@@ -186,7 +187,7 @@ def share_cores(workers: int | None, cores: int) -> tuple[int, int]:
 
 def run_locally(
     file: Path, todo: Sequence[Member], folder: Path, *, workers: int, threads: int, device: str
-) -> Iterator[MemberResult]:
+) -> Generator[MemberResult]:
     """Run members in processes of their own, `workers` at a time; one that is killed is begun anew."""
     waiting = [(member, 1) for member in todo]
     running: dict[subprocess.Popen[str], tuple[Member, int]] = {}
@@ -212,7 +213,8 @@ def run_locally(
                     _mark(member, folder)
                     yield MemberResult(member, "done")
                 else:
-                    yield MemberResult(member, "failed", said[-1] if said else f"exit code {process.returncode}")
+                    why = said[-1] if said else f"exit code {process.returncode}"
+                    yield MemberResult(member, "failed", why, process.returncode)
     finally:
         for process in running:
             process.terminate()  # ends at its next record, with a checkpoint
@@ -220,7 +222,7 @@ def run_locally(
             process.wait()
 
 
-def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Iterator[MemberResult]:
+def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Generator[MemberResult]:
     """Run members on the workers of a Dask cluster, one at a time on each, with all of its threads.
 
     Raises SweepError where there is no Dask, or no cluster at `address`.
@@ -285,7 +287,7 @@ def _mark(member: Member, folder: Path) -> None:
 
 def sweep(
     todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[MemberResult]]
-) -> Iterator[MemberResult]:
+) -> Generator[MemberResult]:
     """All members in turn: those that are done or refused at once, the others as `run` ends them.
 
     Raises SweepError, before anything is run, where the results would take the place of what no sweep has written.

@@ -11,7 +11,7 @@ import warp as wp
 
 from warpsph.bodies.body import Body
 from warpsph.bodies.body_set import BodySet, rotation
-from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints
+from warpsph.bodies.contact_geometry import ContactLegs, ContactPoints
 from warpsph.device.launch import Launcher
 from warpsph.kernels.blocks import Blocks
 from warpsph.kernels.density import pressure_gradient_kernel
@@ -252,7 +252,7 @@ class Touching:
         self,
         device: str,
         bodies: Sequence[Body],
-        walls: Sequence[ContactLeg] = (),
+        walls: Sequence[ContactLegs] = (),
         wall_points: ContactPoints | None = None,
         *,
         dt: float = 1e-4,

@@ -8,8 +8,9 @@ import pytest
 from scenes import PUSHING_WALLS, crate, pool, scene, tank
 from warpsph.bodies.facets import facets
 from warpsph.placement.place import place
+from warpsph.placement.solids import Faceted
 from warpsph.scene.source import SceneError
-from warpsph.shapes.mesh import box_mesh
+from warpsph.shapes.mesh import box_mesh, sphere_mesh
 
 POND = scene(
     "A pond",
@@ -276,3 +277,28 @@ def test_mesh_in_space_is_what_its_file_says(make_scene, tmp_path):
     found = facets(one.body.mesh.vertices, one.body.mesh.triangles, 0.01)
     assert (len(found.faces), len(found.edges), len(found.corners)) == (6, 12, 8)
     np.testing.assert_allclose(one.distance(one.body.surface.points), 0.95 * 0.05, rtol=1e-4)
+
+
+@pytest.mark.parametrize("thick", [1.2, 2.2, 3.0, 4.4, 5.0, 8.0])
+def test_dummies_of_a_thin_mesh_are_the_layers_for_which_there_is_room(thick):
+    """Three layers ask for 2.5 spacings from either side; a plate that has less keeps those that it has."""
+    spacing = 0.1
+    plate = box_mesh([0.0, 0.0, 0.0], [1.4, 1.2, thick * spacing])
+    points = Faceted(plate, np.eye(3), np.zeros(3)).dummies(spacing, 3.0 * spacing).points
+    depth = np.minimum(points, [1.4, 1.2, thick * spacing] - points).min(axis=1)
+    assert 0.24 * spacing < depth.min() < 0.51 * spacing
+    assert set(np.round(depth / spacing - 0.5, 1)) <= {0.0, 1.0, 2.0}
+    assert depth.max() == pytest.approx((min(int(0.5 * thick - 0.25), 2) + 0.5) * spacing, abs=0.01)
+
+
+def test_dummies_of_a_ball_from_a_file_are_those_of_a_ball():
+    """Of a radius of 2.5 spacings: two layers, and nothing to complain of in its middle."""
+    one = Faceted(sphere_mesh([0.0, 0.0, 0.0], 0.25), np.eye(3), np.zeros(3)).dummies(0.1, 0.3)
+    radius = np.linalg.norm(one.points, axis=1)
+    assert set(np.round(radius[radius > 0.05], 1)) == {0.1, 0.2}
+
+
+def test_a_mesh_too_thin_for_its_first_layer_is_refused():
+    plate = box_mesh([0.0, 0.0, 0.0], [1.4, 1.2, 0.09])
+    with pytest.raises(ValueError, match="too thin or too small"):
+        Faceted(plate, np.eye(3), np.zeros(3)).dummies(0.1, 0.3)

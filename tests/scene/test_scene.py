@@ -100,7 +100,8 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "\n  end_time: 1.0\n  qqq: 2",
-            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps, absurd",
+            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, time_step, integrator, max_steps, "
+            "absurd",
         ),
         (
             "title: A tank",
@@ -123,7 +124,7 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "{end_time: 1.0, '': 5}",
-            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps, absurd",
+            "tank.yaml:14: run: no such field; it can be end_time, courant, time_step, integrator, max_steps, absurd",
         ),
         # types
         ("spacing: 0.1", "spacing: thin", "tank.yaml:2: spacing: a number is needed, not 'thin'"),

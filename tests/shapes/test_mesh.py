@@ -9,7 +9,9 @@ from warpsph.shapes.mesh import (
     Mesh,
     ball_mass,
     box_mesh,
+    contains,
     distance_to_mesh,
+    is_deep,
     read_mesh,
     solid_mass,
     solid_mesh,
@@ -87,6 +89,16 @@ def test_winding_number():
     outside = np.array([[1.05, -1.97, 0.6], [0.999, -1.97, 0.52]])
     np.testing.assert_allclose(winding_number(BOX, inside), 1.0, atol=1e-9)
     np.testing.assert_allclose(winding_number(BOX, outside), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("mesh", [BOX, WEDGE, sphere_mesh(HIGH, 0.1, 2)])
+def test_inside_is_where_the_surface_winds_around(mesh):
+    """On a lattice through corners and edges too, as particles stand; but for what lies in the surface itself."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    steps = np.stack(np.meshgrid(*3 * [np.linspace(-0.25, 1.25, 13)]), axis=-1).reshape(-1, 3)
+    points = low + steps * (high - low)
+    points = points[distance_to_mesh(mesh, points) > 1e-5]
+    np.testing.assert_array_equal(contains(mesh, points), winding_number(mesh, points) > 0.5)
 
 
 # ---- refusals ----
@@ -182,6 +194,13 @@ def test_distance_to_mesh():
     """From above a face, beyond an edge and a corner, and from inside."""
     off = np.array([[-0.03, -0.02, 0.01], [0.03, -0.02, 0.04], [0.02, 0.03, 0.06], [-0.05, -0.03, -0.01]])
     np.testing.assert_allclose(distance_to_mesh(BOX, HIGH + off), [0.01, 0.05, 0.07, 0.01], rtol=1e-9)
+
+
+def test_what_is_farther_than_asked_is_not_looked_for():
+    points = HIGH + np.array([[0.0, 0.0, 0.01], [0.0, 0.0, 0.03], [-0.05, -0.03, -0.02]])
+    np.testing.assert_allclose(distance_to_mesh(BOX, points, 0.021), [0.01, np.inf, 0.02], rtol=1e-6)
+    np.testing.assert_array_equal(is_deep(BOX, points, 0.019), [False, False, True])
+    np.testing.assert_array_equal(is_deep(BOX, points, 0.021), [False, False, False])
 
 
 def test_ball():

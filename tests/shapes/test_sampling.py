@@ -60,6 +60,20 @@ def test_sampling_is_even(mesh):
     assert surface.shares.max() < 1.6 * spacing**2 and surface.shares.min() > 0.3 * spacing**2
 
 
+def test_points_do_not_depend_on_how_fine_a_mesh_is():
+    """Triangles much smaller than the spacing are joined: as many points, as even, on the sphere, and no area lost."""
+    radius, spacing = 0.03, 0.01
+    for mesh in (sphere_mesh([0.1, 0.2, 0.3], radius, 3), sphere_mesh([0.1, 0.2, 0.3], radius, 5)):
+        surface = surface_of_mesh(mesh, spacing)
+        total = np.linalg.norm(mesh.areas, axis=1).sum()
+        assert surface.shares.sum() == pytest.approx(total, rel=1e-9)
+        assert len(surface.points) == pytest.approx(total / (0.92 * spacing**2), abs=2)
+        np.testing.assert_allclose(np.linalg.norm(surface.points - [0.1, 0.2, 0.3], axis=1), radius, rtol=0.02)
+        apart = np.linalg.norm(surface.points[:, None] - surface.points, axis=2)
+        np.fill_diagonal(apart, np.inf)
+        assert apart.min(axis=1).std() < 0.15 * apart.min(axis=1).mean()
+
+
 @pytest.mark.parametrize("mesh", [CUBOID, WEDGE])
 def test_corners_and_edges_have_points_and_no_area_is_lost(mesh):
     spacing = 0.01

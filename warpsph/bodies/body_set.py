@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from warpsph.bodies.arrays import Maker
 from warpsph.bodies.body import Body
 from warpsph.bodies.contact import Contacts
-from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, corners_at
+from warpsph.bodies.contact_geometry import ContactLegs, ContactPoints, corners_at
 from warpsph.bodies.motion import KINDS, MotionTable
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
@@ -36,7 +36,7 @@ class BodySet:
         self,
         launcher: Launcher,
         bodies: Sequence[Body],
-        walls: Sequence[ContactLeg] = (),
+        walls: Sequence[ContactLegs] = (),
         wall_points: ContactPoints | None = None,
         *,
         dimensions: int = 2,

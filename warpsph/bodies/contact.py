@@ -10,7 +10,14 @@ import warp as wp
 
 from warpsph.bodies.arrays import Maker
 from warpsph.bodies.body import Body
-from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, joined, touching
+from warpsph.bodies.contact_geometry import (
+    ContactLegs,
+    ContactPoints,
+    contact_depth,
+    joined,
+    joined_legs,
+    touching,
+)
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
 from warpsph.kernels import contact as contact_kernels
@@ -39,7 +46,7 @@ class Contacts:
         self,
         launcher: Launcher,
         bodies: Sequence[Body],
-        walls: Sequence[ContactLeg],
+        walls: Sequence[ContactLegs],
         wall_points: ContactPoints,
         dimensions: int,
         smoothing_length: float,
@@ -79,7 +86,7 @@ class Contacts:
             ),
         ]
 
-    def _load(self, walls: Sequence[ContactLeg], wall_points: ContactPoints, dimensions: int, h: float) -> None:
+    def _load(self, walls: Sequence[ContactLegs], wall_points: ContactPoints, dimensions: int, h: float) -> None:
         make = self._make
         self.contact = contact = contact_kernels.Contact()
         contact.slots, contact.capacity = SLOTS[dimensions], CAPACITY[dimensions]
@@ -89,10 +96,10 @@ class Contacts:
         for name in ("restitution", "static_friction", "dynamic_friction"):
             setattr(contact, name, make.array([-1.0, *(getattr(b, name) for b in self._bodies)], wp.float64))
 
-        legs, owners, sets = list(walls), [0] * len(walls), [wall_points]
+        parts, owners, sets = list(walls), [0] * len(walls), [wall_points]
         for b, body in enumerate(self._bodies, 1):
             own, points = touching(body, contact.depth)
-            legs, owners, sets = legs + own, owners + [b] * len(own), [*sets, points]
+            parts, owners, sets = parts + own, owners + [b] * len(own), [*sets, points]
         for name, dtype in {"offset": wp.vec3d, "radius": wp.float64, "way": wp.vec3d, "spread": wp.float64}.items():
             setattr(contact, f"point_{name}", make.array(np.concatenate([getattr(p, name) for p in sets]), dtype))
         contact.point_length = make.array(np.concatenate([p.length for p in sets]), wp.float64)
@@ -101,21 +108,20 @@ class Contacts:
         contact.reach = make.array([math.inf, *reach], wp.float64)
         self._load_blocks(joined(sets), [len(p.radius) for p in sets])
 
+        legs = joined_legs(parts)
         self.leg_count = len(legs)
-        contact.leg_body, contact.leg_kind = make.array(owners, int), make.array([leg.kind for leg in legs], int)
-        for name in ("origin", "along", "normal", "center"):
-            setattr(contact, f"leg_{name}", make.array([getattr(leg, name) for leg in legs], wp.vec3d))
+        owner = np.repeat(np.array(owners, int), [len(part) for part in parts])
+        contact.leg_body, contact.leg_kind = make.array(owner, int), make.array(legs.kind, int)
+        for name in ("origin", "along", "normal", "center", "into"):
+            setattr(contact, f"leg_{name}", make.array(getattr(legs, name), wp.vec3d))
         for name in ("radius", "length", "reach"):
-            setattr(contact, f"leg_{name}", make.array([getattr(leg, name) for leg in legs], wp.float64))
+            setattr(contact, f"leg_{name}", make.array(getattr(legs, name), wp.float64))
         for name in ("start", "end", "width"):
-            setattr(contact, f"leg_{name}", make.array([getattr(leg, name) for leg in legs], wp.vec2d))
-        contact.leg_into = make.array(np.array([leg.into for leg in legs]).reshape(-1, 2, 3), wp.vec3d)
-        faces = [leg.face for leg in legs]
-        contact.leg_border = make.array(np.cumsum([0, *(len(face.corners) if face else 0 for face in faces)]), int)
-        for name, width in {"corners": 3, "into": 3, "beyond": 2}.items():
-            rows = np.concatenate([np.empty((0, width)), *(getattr(face, name) for face in faces if face)])
-            dtype = wp.vec3d if width == 3 else wp.vec2d
-            setattr(contact, f"border_{'start' if name == 'corners' else name}", make.array(rows, dtype))
+            setattr(contact, f"leg_{name}", make.array(getattr(legs, name), wp.vec2d))
+        contact.leg_border = make.array(np.append(0, np.cumsum(legs.borders)), int)
+        contact.border_start = make.array(legs.border_start, wp.vec3d)
+        contact.border_into = make.array(legs.border_into, wp.vec3d)
+        contact.border_beyond = make.array(legs.border_beyond, wp.vec2d)
 
     def _load_blocks(self, points: ContactPoints, sizes: Sequence[int]) -> None:
         """Blocks of points, of which one that is far from a leg is passed over as a whole."""

@@ -10,7 +10,7 @@ from functools import singledispatch
 import numpy as np
 
 from warpsph.bodies.body import Body
-from warpsph.bodies.facets import Face, FacetEdge, Facets, crate_facets, facets, sheet_edges
+from warpsph.bodies.facets import FacetEdges, Facets, crate_facets, facets, sheet_edges
 from warpsph.kernels import contact as contact_kernels
 from warpsph.shapes.crate import Crate
 from warpsph.shapes.outline import Bend, Line, Outline, counter_clockwise, reversed_outline
@@ -33,13 +33,54 @@ class ContactLeg:
     center: Array = (0.0, 0.0, 0.0)
     reach: float = math.inf
     width: tuple[float, float] = (-math.inf, math.inf)
-    into: Array = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    face: Face | None = None
+
+
+@dataclass(frozen=True)
+class ContactLegs:
+    """Legs of a surface, of which a mesh from a file has many: arrays of a row a leg, fields as in kernels/contact.py.
+
+    `borders` says how many borders each leg has, of the rows of `border_start`, `border_into` and `border_beyond`.
+    """
+
+    kind: Array
+    origin: Array
+    along: Array
+    normal: Array
+    radius: Array
+    length: Array
+    start: Array
+    end: Array
+    center: Array
+    reach: Array
+    width: Array
+    into: Array
+    borders: Array
+    border_start: Array
+    border_into: Array
+    border_beyond: Array
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+
+def _table(kind: int, count: int, **known: Array) -> ContactLegs:
+    """`count` legs of one kind; what is not `known` of them is nothing, or without end."""
+    none = {"radius": np.zeros(count), "length": np.full(count, math.inf), "into": np.zeros((count, 2, 3))}
+    none |= {"start": np.zeros((count, 2)), "end": np.zeros((count, 2)), "reach": np.full(count, math.inf)}
+    none |= {"width": np.tile([-math.inf, math.inf], (count, 1)), "borders": np.zeros(count, int)}
+    none |= {f"border_{name}": np.empty((0, k)) for name, k in (("start", 3), ("into", 3), ("beyond", 2))}
+    return ContactLegs(kind=np.full(count, int(kind)), **(none | known))
+
+
+def _row(leg: ContactLeg) -> ContactLegs:
+    """A table of one leg."""
+    known = {one.name: np.array([getattr(leg, one.name)]) for one in fields(leg) if one.name != "kind"}
+    return _table(leg.kind, 1, **known)
 
 
 def contact_legs(
     outline: Outline, side: int, depth: float, width: tuple[float, float] = (-math.inf, math.inf)
-) -> list[ContactLeg]:
+) -> list[ContactLegs]:
     """The legs of an outline whose free side is on the left (`side` 1) or on the right (-1) of the way along.
 
     At a corner that points out of the solid a point inside belongs to the nearer leg: the corner is shared along its
@@ -70,33 +111,52 @@ def contact_legs(
         shape = {"length": leg.length, "start": start, "end": ends[i], "center": spatial(middle), "width": width}
         across = max(map(abs, width)) if math.isfinite(width[0]) else 0.0  # bodies of the plane have no width
         found.append(ContactLeg(**numbers, **shape, reach=math.hypot(reach + depth, across)))
-    return found
+    return [_row(leg) for leg in found]
 
 
-def facet_legs(found: Facets, depth: float) -> list[ContactLeg]:
+def facet_legs(found: Facets, depth: float) -> list[ContactLegs]:
     """Faces and edges as legs; `depth` [m] as of `contact_legs`."""
-    legs = []
-    for face in found.faces:
-        middle = 0.5 * (face.corners.min(axis=0) + face.corners.max(axis=0))
-        reach = float(np.linalg.norm(face.corners - middle, axis=1).max())
-        way = {"origin": face.corners[0], "along": face.along, "normal": face.normal}
-        legs.append(ContactLeg(int(contact_kernels.FACE), **way, center=middle, reach=reach + depth, face=face))
-    if not found.edges:
-        return legs
-    start, way, into = (np.array([getattr(edge, name) for edge in found.edges]) for name in ("start", "way", "into"))
-    lengths = [edge.length for edge in found.edges]
-    middles, normals = start + 0.5 * np.array(lengths)[:, None] * way, np.cross(way, into[:, 0])
-    for k, length in enumerate(lengths):
-        axes = {"origin": start[k], "along": way[k], "normal": normals[k]}
-        about = {"length": length, "center": middles[k], "reach": 0.5 * length + depth}
-        legs.append(ContactLeg(int(contact_kernels.EDGE), **axes, **about, into=into[k]))
+    legs, faces, edges = [], found.faces, found.edges
+    if len(faces):
+        first, counts = faces.first[:-1], np.diff(faces.first)
+        middles = 0.5 * (np.minimum.reduceat(faces.corners, first) + np.maximum.reduceat(faces.corners, first))
+        gaps = np.linalg.norm(faces.corners - np.repeat(middles, counts, axis=0), axis=1)
+        legs.append(
+            _table(
+                contact_kernels.FACE,
+                len(faces),
+                origin=faces.corners[first],
+                along=faces.along,
+                normal=faces.normal,
+                center=middles,
+                reach=np.maximum.reduceat(gaps, first) + depth,
+                borders=counts,
+                border_start=faces.corners,
+                border_into=faces.into,
+                border_beyond=faces.beyond,
+            )
+        )
+    if len(edges):
+        legs.append(
+            _table(
+                contact_kernels.EDGE,
+                len(edges),
+                origin=edges.start,
+                along=edges.way,
+                normal=np.cross(edges.way, edges.into[:, 0]),
+                length=edges.length,
+                center=edges.start + 0.5 * edges.length[:, None] * edges.way,
+                reach=0.5 * edges.length + depth,
+                into=edges.into,
+            )
+        )
     return legs
 
 
-def ball_leg(centre: Array, radius: float) -> ContactLeg:
+def ball_leg(centre: Array, radius: float) -> ContactLegs:
     """The surface of a ball."""
     x, _, z = np.eye(3)
-    return ContactLeg(int(contact_kernels.BALL), centre, x, z, radius=radius, center=centre, reach=radius)
+    return _row(ContactLeg(int(contact_kernels.BALL), centre, x, z, radius=radius, center=centre, reach=radius))
 
 
 @dataclass(frozen=True)
@@ -125,20 +185,25 @@ def corners_at(points: Array, radius: float = 0.0) -> ContactPoints:
     )
 
 
-def edges_at(edges: Sequence[FacetEdge]) -> ContactPoints:
+def edges_at(edges: FacetEdges) -> ContactPoints:
     """Edges, which touch other edges."""
-    points = corners_at(np.array([edge.start for edge in edges]))
-    if not edges:
-        return points
-    way, into = np.array([edge.way for edge in edges]), np.array([edge.into for edge in edges])
-    return replace(points, way=way, length=np.array([edge.length for edge in edges]), into=into)
+    return replace(corners_at(edges.start), way=edges.way, length=edges.length, into=edges.into)
 
 
 def joined(parts: Sequence[ContactPoints]) -> ContactPoints:
     """All points of several sets, in order."""
-    parts = [corners_at(np.empty((0, 3))), *parts]
-    names = [one.name for one in fields(ContactPoints)]
-    return ContactPoints(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return ContactPoints(*_columns([corners_at(np.empty((0, 3))), *parts]))
+
+
+def joined_legs(parts: Sequence[ContactLegs]) -> ContactLegs:
+    """All legs of several tables, in order."""
+    nowhere = np.empty((0, 3))
+    empty = _table(contact_kernels.LINE, 0, origin=nowhere, along=nowhere, normal=nowhere, center=nowhere)
+    return ContactLegs(*_columns([empty, *parts]))
+
+
+def _columns(parts: Sequence[ContactPoints] | Sequence[ContactLegs]) -> list[Array]:
+    return [np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(parts[0])]
 
 
 def contact_points(outline: Outline, side: int) -> ContactPoints:
@@ -170,7 +235,7 @@ def contact_points(outline: Outline, side: int) -> ContactPoints:
 
 
 @singledispatch
-def contact_of(wall: object, way: int, depth: float) -> tuple[list[ContactLeg], list[ContactPoints]]:
+def contact_of(wall: object, way: int, depth: float) -> tuple[list[ContactLegs], list[ContactPoints]]:
     """A wall as contact sees it: as drawn, with its free side on the left of the way along (`way` 1) or on the right
     (-1), or outside or inside of what is closed; `depth` [m] as of `contact_legs`.
 
@@ -180,7 +245,7 @@ def contact_of(wall: object, way: int, depth: float) -> tuple[list[ContactLeg], 
 
 
 @contact_of.register
-def _of_sheet(wall: Sheet, way: int, depth: float) -> tuple[list[ContactLeg], list[ContactPoints]]:
+def _of_sheet(wall: Sheet, way: int, depth: float) -> tuple[list[ContactLegs], list[ContactPoints]]:
     if not wall.width:
         return contact_legs(wall.outline, way, depth), [contact_points(wall.outline, way)]
     found = sheet_edges(wall, way)
@@ -189,12 +254,12 @@ def _of_sheet(wall: Sheet, way: int, depth: float) -> tuple[list[ContactLeg], li
 
 
 @contact_of.register
-def _of_crate(wall: Crate, way: int, depth: float) -> tuple[list[ContactLeg], list[ContactPoints]]:
+def _of_crate(wall: Crate, way: int, depth: float) -> tuple[list[ContactLegs], list[ContactPoints]]:
     found = crate_facets(wall, way, depth)
     return facet_legs(found, depth), [corners_at(found.corners), edges_at(found.edges)]
 
 
-def touching(body: Body, depth: float) -> tuple[list[ContactLeg], ContactPoints]:
+def touching(body: Body, depth: float) -> tuple[list[ContactLegs], ContactPoints]:
     """The legs and the points of a body, about its centre."""
     centre = body.mass.centre
     if body.outline is not None:

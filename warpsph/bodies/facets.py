@@ -6,7 +6,6 @@ Everything here happens once, on the host. Points are [x, y, z].
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -62,11 +61,55 @@ class FacetEdge:
 
 
 @dataclass(frozen=True)
+class Faces:
+    """Faces, of which a mesh from a file has many: those of number i are the borders first[i] .. first[i + 1] - 1.
+
+    Attributes:
+        normal, along: As of `Face`, shape [n, 3].
+        first: Into the borders, shape [n + 1].
+        corners, into, beyond: As of `Face`, of all borders.
+    """
+
+    normal: Array
+    along: Array
+    first: NDArray[np.int64]
+    corners: Array
+    into: Array
+    beyond: Array
+
+    def __len__(self) -> int:
+        return len(self.normal)
+
+    def __getitem__(self, i: int) -> Face:
+        mine = slice(self.first[i], self.first[i + 1])
+        return Face(self.normal[i], self.along[i], self.corners[mine], self.into[mine], self.beyond[mine])
+
+
+@dataclass(frozen=True)
+class FacetEdges:
+    """Edges; arrays of what a `FacetEdge` has, with `length` of shape [n]."""
+
+    start: Array
+    way: Array
+    length: Array
+    into: Array
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def __getitem__(self, i: int) -> FacetEdge:
+        return FacetEdge(self.start[i], self.way[i], self.length[i], self.into[i])
+
+
+NO_FACES = Faces(*(np.empty((0, 3)) for _ in range(2)), np.zeros(1, int), *(np.empty((0, k)) for k in (3, 3, 2)))
+
+
+@dataclass(frozen=True)
 class Facets:
     """What can touch of a surface; `corners` [m], shape [n, 3]."""
 
-    faces: Sequence[Face]
-    edges: Sequence[FacetEdge]
+    faces: Faces
+    edges: FacetEdges
     corners: Array
 
 
@@ -108,31 +151,22 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
     for k in (0, 1):
         is_corner[triangles[one[~hollow], (border[~hollow] + k) % 3]] = True
     first = np.flatnonzero(~hollow & (other < one))  # of the two triangles at a border, or the only one
-    edges = [
-        FacetEdge(start, way, length, pair)
-        for start, way, length, pair in zip(
-            corners[one[first], border[first]],
-            ways[one[first], border[first]],
-            lengths[one[first], border[first]].tolist(),
-            np.stack([inward[first], outward[first]], axis=1),
-            strict=True,
-        )
-    ]
+    starts, directions = corners[one[first], border[first]], ways[one[first], border[first]]
+    spans, pairs = lengths[one[first], border[first]], np.stack([inward[first], outward[first]], axis=1)
     order = np.argsort(group, kind="stable")
-    members = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
-    faces = [
-        Face(normals[some[0]], ways[some[0], 0], *(a[some].reshape(-1, a.shape[2]) for a in (corners, into, beyond)))
-        for some in members
-    ]
+    begin = np.flatnonzero(np.diff(group[order], prepend=-1))
+    borders = (a[order].reshape(-1, a.shape[2]) for a in (corners, into, beyond))
+    faces = Faces(
+        normals[order[begin]], ways[order[begin], 0], 3 * np.append(begin, len(order)).astype(np.int64), *borders
+    )
     bulging = vertices[is_corner]
     # Neighbours together, for contact to pass over what is far away.
     size = float(np.ptp(vertices, axis=0).max()) / 64.0
-    if edges:
-        order = np.argsort(
-            along_curve(np.array([e.start + 0.5 * e.length * e.way for e in edges]), size), kind="stable"
-        )
-        edges = [edges[i] for i in order.tolist()]
+    if len(first):
+        order = np.argsort(along_curve(starts + 0.5 * spans[:, None] * directions, size), kind="stable")
+        starts, directions, spans, pairs = (a[order] for a in (starts, directions, spans, pairs))
         bulging = bulging[np.argsort(along_curve(bulging, size), kind="stable")]
+    edges = FacetEdges(starts, directions, spans, pairs)
     return Facets(faces, edges, bulging)
 
 
@@ -195,7 +229,13 @@ def sheet_edges(sheet: Sheet, side: int) -> Facets:
         is_bulging = normals[-1, 0] * after[1] - normals[-1, 1] * after[0] < -1e-6
         if is_bulging or (isinstance(leg, Bend) and leg.turn < 0.0):
             across(points[-1], -tangents[-1], np.array([after[1], -after[0]]))
-    return Facets([], edges, np.array(corners).reshape(-1, 3))
+    table = FacetEdges(
+        np.array([edge.start for edge in edges]).reshape(-1, 3),
+        np.array([edge.way for edge in edges]).reshape(-1, 3),
+        np.array([edge.length for edge in edges]),
+        np.array([edge.into for edge in edges]).reshape(-1, 2, 3),
+    )
+    return Facets(NO_FACES, table, np.array(corners).reshape(-1, 3))
 
 
 def _neighbours(triangles: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from warpsph.device.launch import launch
-from warpsph.kernels.mesh_queries import find_nearest
+from warpsph.kernels.mesh_queries import find_inside, find_nearest
 
 # Points asked at a time, for the sake of memory.
 BLOCK = 1 << 20
@@ -25,15 +27,32 @@ class MeshQueries:
         self._middle, self._size = 0.5 * (low + high), float((high - low).max())
         points = wp.array((vertices - self._middle) / self._size, dtype=wp.vec3, device="cpu")
         indices = wp.array(triangles.ravel(), dtype=int, device="cpu")
-        self._mesh = wp.Mesh(points, indices, support_winding_number=True)
+        self._mesh = wp.Mesh(points, indices)
 
-    def nearest(self, points: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """The triangle that is nearest to each of `points` [m], shape [k, 3], and whether it lies inside, shape [k]."""
-        triangle, inside = np.empty(len(points), dtype=np.int32), np.empty(len(points), dtype=bool)
+    def nearest(self, points: NDArray[np.float64], within: float = math.inf) -> NDArray[np.int32]:
+        """The triangle that is nearest to each of `points` [m], shape [k, 3]; -1 where none is `within` [m], shape [k].
+
+        From deep inside, where many are about as near, to ask for the nearest one takes long, and for one that is not
+        there a moment.
+        """
+        triangle = np.empty(len(points), dtype=np.int32)
         for begin in range(0, len(points), BLOCK):
             some = slice(begin, begin + BLOCK)
-            asked = wp.array((points[some] - self._middle) / self._size, dtype=wp.vec3, device="cpu")
-            answers = wp.empty(len(asked), dtype=int, device="cpu"), wp.empty(len(asked), dtype=wp.uint8, device="cpu")
-            launch(find_nearest, len(asked), [0, self._mesh.id, 1e6, asked, *answers], device="cpu")
-            triangle[some], inside[some] = answers[0].numpy(), answers[1].numpy() > 0
-        return triangle, inside
+            asked, answer = self._asked(points[some]), wp.empty(len(points[some]), dtype=int, device="cpu")
+            farthest = min(within / self._size, 1e6)
+            launch(find_nearest, len(asked), [0, self._mesh.id, farthest, asked, answer], device="cpu")
+            triangle[some] = answer.numpy()
+        return triangle
+
+    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each of `points` [m], shape [k, 3], lies inside, shape [k]."""
+        inside = np.empty(len(points), dtype=bool)
+        for begin in range(0, len(points), BLOCK):
+            some = slice(begin, begin + BLOCK)
+            asked, answer = self._asked(points[some]), wp.empty(len(points[some]), dtype=wp.uint8, device="cpu")
+            launch(find_inside, len(asked), [0, self._mesh.id, asked, answer], device="cpu")
+            inside[some] = answer.numpy() > 0
+        return inside
+
+    def _asked(self, points: NDArray[np.float64]) -> wp.array:
+        return wp.array((points - self._middle) / self._size, dtype=wp.vec3, device="cpu")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -205,8 +206,13 @@ def beside(path: Path) -> Path:
 def write_whole(path: Path, text: str) -> None:
     """Write a file beside its place, then rename it: neither a kill nor a full disk leaves half of it."""
     unfinished = beside(path)
-    unfinished.write_text(text, encoding="utf-8")
-    os.replace(unfinished, path)
+    try:
+        unfinished.write_text(text, encoding="utf-8")
+        os.replace(unfinished, path)
+    except OSError as error:
+        with contextlib.suppress(OSError):  # what there is of it only fills the disk
+            unfinished.unlink()
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ opens and holds all the frames that were finished.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -87,6 +88,8 @@ def publish(layer: Sdf.Layer, path: Path) -> None:
     except Tf.ErrorException as error:
         reason = "; ".join(part.commentary for part in error.args)
     if reason:
+        with contextlib.suppress(OSError):  # what there is of it only fills the disk
+            partial.unlink()
         raise OSError(errno.EIO, f"could not be written: {reason}", str(path))
     os.replace(partial, path)
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpsph.bodies.body import PLANE_SHIFT, PLANE_TURN, Body
-from warpsph.bodies.contact_geometry import ContactLeg, ContactPoints, contact_depth, contact_of, joined
+from warpsph.bodies.contact_geometry import ContactLegs, ContactPoints, contact_depth, contact_of, joined
 from warpsph.bodies.motion import Motion, read_table
 from warpsph.bodies.wave_maker import WaveError, paddle_motion
 from warpsph.kernels.smoothing import SMOOTHING
@@ -142,9 +142,9 @@ def top_speed(solid: Solid) -> tuple[float, int]:
 
 def contact_of_walls(
     scene: Scene, walls: Sequence[Wall], sides: Sequence[int]
-) -> tuple[list[ContactLeg], ContactPoints]:
+) -> tuple[list[ContactLegs], ContactPoints]:
     """The walls as contact sees them: as drawn, and free where the fluid is."""
-    legs: list[ContactLeg] = []
+    legs: list[ContactLegs] = []
     points: list[ContactPoints] = []
     depth = contact_depth(scene.smoothing_length)
     for wall, side in zip(walls, sides, strict=True):

@@ -101,7 +101,7 @@ def shape_sites(
 
     warnings = []
     excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
-    if len(sites) and abs(excess) > 0.05:
+    if len(sites) and abs(excess) > 0.05 and scene.scheme != "mueller":  # which shares out mass by itself
         more, lighter = ("more", "lighter") if excess > 0 else ("less", "heavier")
         size = f"{'area' if scene.dimensions == 2 else 'volume'} of {body.volume:.4g} m{scene.dimensions}"
         words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its {size}"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warpsph.bodies.body_set import rotation
 from warpsph.placement.drawing import closed_outline, path_legs
-from warpsph.placement.dummies import layer_count
+from warpsph.placement.dummies import LEAST_GAP, layer_count
 from warpsph.scene.bodies import BodyField
 from warpsph.scene.scene import Scene
 from warpsph.shapes.crate import Crate
@@ -25,13 +25,15 @@ from warpsph.shapes.mesh import (
     box_mesh,
     contains,
     distance_to_mesh,
+    is_deep,
+    moved_in,
     read_mesh,
     solid_mass,
     sphere_mesh,
     stood_back,
 )
 from warpsph.shapes.outline import Line, Outline, counter_clockwise
-from warpsph.shapes.points import Array, in_space, turned
+from warpsph.shapes.points import Array, in_space, near, turned
 from warpsph.shapes.sampling import Surface, pieces, surface_of_mesh, surface_of_outline
 from warpsph.shapes.section import MassProperties, plane_mass
 from warpsph.shapes.sheet import Sheet
@@ -196,18 +198,32 @@ class Faceted:
         return surface_of_mesh(stood_back(self.mesh, set_back), spacing)
 
     def dummies(self, spacing: float, support: float) -> Surface:
-        """As of every `Form`: layers inside of its surface."""
-        layers = [
-            surface_of_mesh(inner, spacing)
-            for k in range(layer_count(support, spacing))
-            if (inner := self._inside((k + 0.5) * spacing)) is not None
-        ]
-        shares = np.concatenate([layer.shares for layer in layers])
-        return _filled(np.concatenate([layer.points for layer in layers]), spacing * shares)
+        """As of every `Form`: layers inside of its surface, the first one whole, the others where there is room."""
+        points, volumes = np.empty((0, 3)), np.empty(0)
+        for k in range(layer_count(support, spacing)):
+            depth = (k + 0.5) * spacing
+            inner = self._layer(k, depth)
+            if inner is None:
+                break
+            layer = surface_of_mesh(inner, spacing)
+            kept = ~near(layer.points, points, LEAST_GAP * spacing)
+            if k:  # beyond the middle of a thin part they belong to its other side
+                kept[kept] = self._is_deep(layer.points[kept], depth - 0.25 * spacing)
+            points = np.concatenate([points, layer.points[kept]])
+            volumes = np.concatenate([volumes, spacing * layer.shares[kept]])
+        return _filled(points, volumes)
 
-    def _inside(self, depth: float) -> Mesh | None:
-        """The surface `depth` [m] inside; None where there is nothing left."""
-        return stood_back(self.mesh, depth)
+    def _layer(self, k: int, depth: float) -> Mesh | None:
+        """The surface of layer `k`, `depth` [m] inside; None where there is nothing left, a ValueError in the first."""
+        if k == 0:
+            return stood_back(self.mesh, depth)
+        inner = moved_in(self.mesh, depth)
+        left = np.einsum("ij,ij->i", inner.areas, self.mesh.normals)
+        return inner if left.max() > 1e-6 * np.linalg.norm(self.mesh.areas, axis=1).max() else None
+
+    def _is_deep(self, points: Array, depth: float) -> NDArray[np.bool_]:
+        """Whether each of `points` lies inside, `depth` [m] at least, shape [n]."""
+        return is_deep(self.mesh, points, depth)
 
     def corners(self) -> tuple[Array, list[list[int]]]:
         """As of every `Form`."""
@@ -236,8 +252,11 @@ class Ball(Faceted):
             raise ValueError(f"it is too small: the points that push the fluid stand {set_back:.3g} m inside of it")
         return surface_of_mesh(sphere_mesh(self.ball[0], self.ball[1] - set_back), spacing)
 
-    def _inside(self, depth: float) -> Mesh | None:
+    def _layer(self, k: int, depth: float) -> Mesh | None:
         return sphere_mesh(self.ball[0], self.ball[1] - depth) if self.ball[1] > depth else None
+
+    def _is_deep(self, points: Array, depth: float) -> NDArray[np.bool_]:
+        return self.ball[1] - np.linalg.norm(points - self.ball[0], axis=1) >= depth
 
 
 class Box(Faceted):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,12 +34,12 @@ class Need:
     why: str
 
 
-def with_sound(scene: Scene) -> Scene:
+def with_sound(scene: Scene, chosen: Mapping[str, Need] | None = None) -> Scene:
     """The scene with a speed of sound for each of its materials: as the scene has it, or else what is advised.
 
-    Raises SceneError as `chosen_sound` does.
+    `chosen` is what `chosen_sound` tells, where that has been asked. Raises SceneError as it does.
     """
-    chosen = chosen_sound(scene)
+    chosen = chosen_sound(scene) if chosen is None else chosen
     if not chosen:
         return scene
     speeds = {name: {"sound_speed": need.advised} for name, need in chosen.items()}

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from warpsph.scene.bodies import LOCKS, BodyField
 from warpsph.scene.fields import marks_of, parts_within
 from warpsph.scene.fluids import RheologyField
+from warpsph.scene.schemes import strange_to_scheme
 from warpsph.scene.source import nearest
 from warpsph.scene.whole import INSTRUMENTS, SceneFields
 
@@ -16,6 +17,7 @@ MOST_FRAMES, MOST_SAMPLES = 1_000_000, 5_000_000
 def wants_lists(scene: SceneFields) -> list[str]:
     """The parts of a scene that need lists of neighbours: pair loops other than pressure and density."""
     needs = {
+        "the scheme mueller": scene.scheme == "mueller",
         "antuono's diffusion of density": scene.density_diffusion.model == "antuono",
         "walls of dummy particles": bool(scene.walls) and scene.wall_model.force == "dummy_particles",
         "images": scene.images,
@@ -29,11 +31,12 @@ def wants_lists(scene: SceneFields) -> list[str]:
 def contradictions(scene: SceneFields) -> Iterator[tuple[str, str]]:
     """What no single field can know: (path, message) for whatever does not fit the rest of the scene."""
     yield from _too_often(scene)
+    yield from strange_to_scheme(scene)
     if scene.dimensions == 3 and scene.wall_model.force.startswith("monaghan_kos"):
         force = scene.wall_model.force
         yield "wall_model.force", f"{force} needs walls that are lines; in a 3-D scene take radial or lennard_jones"
     yield from _strange_to_dummies(scene)
-    if scene.neighbours == "cells":
+    if scene.neighbours == "cells" and scene.scheme == "weakly_compressible":
         yield from (("neighbours", f"lists are needed for {name}") for name in wants_lists(scene))
     flowing = [scene.materials[fluid.material] for fluid in scene.fluids if fluid.material in scene.materials]
     if scene.shifting.velocity == "local" and not any(material.viscosity for material in flowing):

@@ -118,10 +118,14 @@ class RunField(Part):
     courant: Annotated[Real, Field(ge=0.001, le=1)] = Field(
         0.5, description="Courant number: dt = courant h / (c + u) [-]."
     )
-    integrator: Literal["verlet", "predictor_corrector", "runge_kutta"] = Field(
+    time_step: Annotated[Real, Field(ge=1e-9, le=1)] | None = Field(
+        None, description="Fixed time step of the scheme mueller [s]; other schemes find their own."
+    )
+    integrator: Literal["verlet", "predictor_corrector", "runge_kutta", "leapfrog"] = Field(
         "verlet",
         description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
-        "of second order; verlet keeps energy best; predictor_corrector does not move bodies.",
+        "of second order; verlet keeps energy best; predictor_corrector does not move bodies; leapfrog is that of the "
+        "scheme mueller, which knows no other.",
     )
     max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(
         None, description="Number of steps from which on the run stops, at its next record [-]; no limit when absent."

@@ -12,6 +12,7 @@ from warpsph.scene.bodies import BodyField, BodyMotion
 from warpsph.scene.contradictions import contradictions
 from warpsph.scene.fields import fault, faults
 from warpsph.scene.mistakes import mistakes
+from warpsph.scene.schemes import suited
 from warpsph.scene.source import SceneError, SourceMap
 from warpsph.scene.waves import PADDLE, WaveMaker
 from warpsph.scene.whole import SceneFields
@@ -84,6 +85,11 @@ class Scene(SceneFields):
         if found := list(contradictions(self)):
             raise faults(found)
         return self
+
+    @model_validator(mode="before")
+    @classmethod
+    def _suit_the_scheme(cls, data: Any) -> Any:
+        return suited(data) if isinstance(data, dict) else data
 
     @model_validator(mode="before")
     @classmethod

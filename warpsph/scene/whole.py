@@ -21,6 +21,7 @@ from warpsph.scene.numerics import (
     WarmUp,
 )
 from warpsph.scene.output import Output
+from warpsph.scene.schemes import SchemeName
 from warpsph.scene.waves import DampingZone, WaveMaker
 
 # More than these are a slip, not a scene: each is tested against all others.
@@ -34,6 +35,11 @@ class SceneFields(Part):
 
     title: Line = Field(description="One line for reports [-].")
     source: Text = Field("", description="Where the case comes from [-].")
+    scheme: SchemeName = Field(
+        "weakly_compressible",
+        description="How the equations of flow are solved [-]: weakly_compressible, or mueller, Braga's (2018) for the "
+        "sake of comparison: density by summation, a kernel for each purpose, walls that throw particles back, 2-D.",
+    )
     dimensions: Literal[2, 3] = Field(
         2, description="Dimensions of space [-]; a 2-D scene lies in the x-z plane, points of a 3-D one are [x, y, z]."
     )

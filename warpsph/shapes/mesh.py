@@ -11,7 +11,7 @@ import logging
 import math
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -44,16 +44,37 @@ class Mesh:
     vertices: Array
     triangles: NDArray[np.int64]
 
-    @property
+    @cached_property
     def corners(self) -> Array:
         """The corners of each triangle [m], shape [m, 3, 3]."""
         return self.vertices[self.triangles]
 
-    @property
+    @cached_property
     def areas(self) -> Array:
         """Vectors out of each triangle, as long as its area [m2], shape [m, 3]."""
         a, b, c = np.moveaxis(self.corners, 1, 0)
         return 0.5 * np.cross(b - a, c - a)
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit vectors out of each triangle, 0 of one without an area, shape [m, 3]."""
+        areas = self.areas
+        return areas / np.maximum(np.linalg.norm(areas, axis=1), 1e-300)[:, None]
+
+    @cached_property
+    def ways_in(self) -> Array:
+        """How each vertex moves while the planes around it move inwards by 1, shape [n, 3]."""
+        normals = self.normals
+        squares, sums = np.zeros((len(self.vertices), 3, 3)), np.zeros((len(self.vertices), 3))
+        ways = np.roll(self.corners, -1, axis=1) - self.corners
+        ways /= np.maximum(np.linalg.norm(ways, axis=2), 1e-300)[:, :, None]
+        for k in range(3):
+            # By angle, so that it does not matter into how many triangles a flat face is cut.
+            angle = np.arccos(np.clip(-np.einsum("ij,ij->i", ways[:, k], ways[:, k - 1]), -1.0, 1.0))
+            np.add.at(squares, self.triangles[:, k], angle[:, None, None] * normals[:, :, None] * normals[:, None])
+            np.add.at(sums, self.triangles[:, k], angle[:, None] * normals)
+        # Normals that differ by less than about 6 degrees are one: a smooth surface goes along its normal.
+        return -np.einsum("nij,nj->ni", np.linalg.pinv(squares, rcond=0.01, hermitian=True), sums)
 
     @cached_property
     def queries(self) -> MeshQueries:
@@ -70,12 +91,19 @@ def read_mesh(path: Path | str, scale: float = 1.0) -> Mesh:
     """
     if not Path(path).is_file():
         raise ValueError(f"{path}: no such file")
-    if Path(path).stat().st_size > MOST_BYTES:
+    facts = Path(path).stat()
+    if facts.st_size > MOST_BYTES:
         raise ValueError(f"{path}: more than {MOST_BYTES / 1e9:g} GB; make it coarser")
+    return _read(str(path), scale, facts.st_size, facts.st_mtime_ns)
+
+
+@lru_cache(maxsize=8)  # a scene is placed more than once by `check`
+def _read(path: str, scale: float, *_: int) -> Mesh:
+    """As `read_mesh`; the file by its size and its time too, should it change."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of readers, about nothing that a user could mend
-            read = trimesh.load_mesh(str(path), process=False)
+            read = trimesh.load_mesh(path, process=False)
         vertices, triangles = np.asarray(read.vertices, float), np.asarray(read.faces, np.int64)
     except (Exception, SystemExit) as error:  # each format has errors of its own
         first = (str(error).strip().splitlines() or [type(error).__name__])[0]
@@ -210,34 +238,27 @@ def _mass_of(
     return MassProperties(mass, place, given)
 
 
-def stood_back(mesh: Mesh, distance: float) -> Mesh:
-    """The surface `distance` [m] inside of `mesh`: each of its triangles that far behind its own.
+def moved_in(mesh: Mesh, distance: float) -> Mesh:
+    """The surface with each of its triangles `distance` [m] behind its own, even where it is too thin for that.
 
     A vertex goes by the v with n . v = -distance for the normals n of all triangles around it; where they are more than
     three, by that which is nearest to it.
+    """
+    return Mesh(mesh.vertices + distance * mesh.ways_in, mesh.triangles)
+
+
+def stood_back(mesh: Mesh, distance: float) -> Mesh:
+    """The surface `distance` [m] inside of `mesh`, as `moved_in` makes it.
 
     Raises ValueError where the mesh is too thin for that.
     """
     if distance == 0.0:
         return mesh
-    sizes = np.linalg.norm(mesh.areas, axis=1)
-    normals = mesh.areas / np.maximum(sizes, 1e-300)[:, None]
-    squares, sums = np.zeros((len(mesh.vertices), 3, 3)), np.zeros((len(mesh.vertices), 3))
-    ways = np.roll(mesh.corners, -1, axis=1) - mesh.corners
-    ways /= np.maximum(np.linalg.norm(ways, axis=2), 1e-300)[:, :, None]
-    for k in range(3):
-        # By angle, so that it does not matter into how many triangles a flat face is cut.
-        angle = np.arccos(np.clip(-np.einsum("ij,ij->i", ways[:, k], ways[:, k - 1]), -1.0, 1.0))
-        np.add.at(squares, mesh.triangles[:, k], angle[:, None, None] * normals[:, :, None] * normals[:, None])
-        np.add.at(sums, mesh.triangles[:, k], angle[:, None] * normals)
-    # Normals that differ by less than about 6 degrees are one: a smooth surface goes along its normal.
-    ways_in = -np.einsum("nij,nj->ni", np.linalg.pinv(squares, rcond=0.01, hermitian=True), sums)
-    back = Mesh(mesh.vertices + distance * ways_in, mesh.triangles)
+    back, sizes = moved_in(mesh, distance), np.linalg.norm(mesh.areas, axis=1)
     is_turned = np.zeros(len(mesh.vertices), dtype=bool)
-    lost = (np.einsum("ij,ij->i", back.areas, normals) <= 0.0) & (sizes > 1e-6 * sizes.max())
+    lost = (np.einsum("ij,ij->i", back.areas, mesh.normals) <= 0.0) & (sizes > 1e-6 * sizes.max())
     is_turned[mesh.triangles[lost].ravel()] = True
-    is_turned |= ~contains(mesh, back.vertices)
-    is_turned |= distance_to_mesh(mesh, back.vertices) < 0.7 * distance
+    is_turned |= ~is_deep(mesh, back.vertices, 0.7 * distance)
     if is_turned.any():
         x, y, z = mesh.vertices[np.argmax(is_turned)]
         raise ValueError(
@@ -247,14 +268,31 @@ def stood_back(mesh: Mesh, distance: float) -> Mesh:
     return back
 
 
+def is_deep(mesh: Mesh, points: Array, depth: float) -> NDArray[np.bool_]:
+    """Whether each of `points` [k, 3] lies inside, at least `depth` [m] from the surface, shape [k]."""
+    return contains(mesh, points) & (distance_to_mesh(mesh, points, depth) >= depth)
+
+
 def contains(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
     """Whether each of `points` [k, 3] lies inside, shape [k]."""
-    return mesh.queries.nearest(points)[1]
+    return mesh.queries.inside(points)
 
 
-def distance_to_mesh(mesh: Mesh, points: Array) -> Array:
-    """Distance from each of `points` [k, 3] to the nearest triangle [m], shape [k]."""
-    a, b, c = np.moveaxis(mesh.corners[mesh.queries.nearest(points)[0]], 1, 0)
+def distance_to_mesh(mesh: Mesh, points: Array, within: float = math.inf) -> Array:
+    """Distance from each of `points` [k, 3] to the nearest triangle [m], shape [k].
+
+    Infinite where none is `within` [m].
+    """
+    nearest = mesh.queries.nearest(points, within)
+    found = np.flatnonzero(nearest >= 0)
+    distances = np.full(len(points), math.inf)
+    distances[found] = _distances(mesh.corners[nearest[found]], points[found])
+    return distances
+
+
+def _distances(corners: Array, points: Array) -> Array:
+    """Distance from each of `points` [k, 3] to its triangle [m], of `corners` [k, 3, 3]; shape [k]."""
+    a, b, c = np.moveaxis(corners, 1, 0)
     normal = np.cross(b - a, c - a)
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     squares, is_over = np.full(len(points), np.inf), np.ones(len(points), dtype=bool)
