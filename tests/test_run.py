@@ -18,6 +18,7 @@ import trimesh
 import yaml
 from pxr import Usd
 
+from scenes import block, pool, scene, tank
 from warpsph.cli import INPUT, MACHINE, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.checkpoint import find_checkpoint
 from warpsph.output.claim import LOCK, MARK, FolderError, Lock
@@ -29,35 +30,27 @@ from warpsph.scene.loading import load_scene
 from warpsph.shapes.mesh import read_mesh
 
 # A dam break that takes a second, without what is drawn of it.
-SCENE = """
-title: A column collapses
-spacing: 0.05
-materials:
-  water: {density: 1000.0, sound_speed: 28.0}
-walls:
-  - {name: tank, path: [[0.0, 0.6], [0.0, 0.0], [0.8, 0.0], [0.8, 0.6]]}
-fluids:
-  - {name: water, material: water, shape: {box: {min: [0.0, 0.0], max: [0.2, 0.4]}}}
-gauges:
-  - {name: middle, x: 0.4}
-run: {end_time: 0.05}
-output: {pictures: false, usd: false, checkpoint_every: 0.02, samples_per_second: 100}
-"""
+SCENE = scene(
+    "A column collapses",
+    0.05,
+    [tank(0.8, 0.6)],
+    [block([0.0, 0.0], [0.2, 0.4])],
+    "gauges: [{name: middle, x: 0.4}]",
+    "output: {pictures: false, usd: false, checkpoint_every: 0.02, samples_per_second: 100}",
+    sound_speed=28.0,
+    end_time=0.05,
+)
 
-FALLING = """
-title: A box falls, 10 frames a second
-spacing: 0.05
-materials:
-  water: {density: 1000.0, sound_speed: 40.0}
-walls:
-  - {name: tank, path: [[0.0, 2.0], [0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.2, above: tank}}
-bodies:
-  - {name: box, shape: {box: {min: [0.4, 1.4], max: [0.6, 1.6]}}, mass: 20.0}
-run: {end_time: 0.5}
-output: {frames_per_second: 10, samples_per_second: 10, pictures: false}
-"""
+FALLING = scene(
+    "A box falls, 10 frames a second",
+    0.05,
+    [tank(1.0, 2.0)],
+    [pool(0.2)],
+    "bodies: [{name: box, shape: {box: {min: [0.4, 1.4], max: [0.6, 1.6]}}, mass: 20.0}]",
+    "output: {frames_per_second: 10, samples_per_second: 10, pictures: false}",
+    sound_speed=40.0,
+    end_time=0.5,
+)
 
 
 @pytest.fixture(scope="module")

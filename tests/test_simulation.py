@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from scenes import drop, scene
 from warpsph.device.launch import DeviceError, Launcher
 from warpsph.forecast import forecast
 from warpsph.kernels.artificial_viscosity import ARTIFICIAL_VISCOSITY
@@ -18,15 +19,7 @@ from warpsph.simulation import BlowUpError, Simulation
 # Relative; what is read back is in single precision.
 TOLERANCE = 1e-6
 
-DROP = """
-title: A drop without walls
-dimensions: 2
-spacing: 0.05
-materials: {water: {density: 1000.0, sound_speed: 40.0}}
-fluids:
-  - {name: drop, material: water, hydrostatic: false, shape: {disc: {center: [0.0, 0.0], radius: 0.3}}}
-run: {end_time: 1.0}
-"""
+DROP = scene("A drop without walls", 0.05, [], [drop(0.3, hydrostatic=False)], sound_speed=40.0)
 
 
 # ---------------------------------------------------------------------------------------------------------- phases

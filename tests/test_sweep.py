@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scenes import block, scene
 from warpsph import sweep
 from warpsph.cli import INPUT, INVALID, MACHINE, OK, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 
-TANK = """
-title: A tank
-spacing: 0.05
-materials: {water: {density: 1000.0, sound_speed: 20.0}}
-walls: [{name: tank, box: {min: [0.0, 0.0], max: [1.0, 0.6]}}]
-fluids: [{name: water, material: water, shape: {box: {min: [0.0, 0.0], max: [0.4, 0.4]}}}]
-gauges: [{name: far, x: 0.5}]
-run: {end_time: 0.25}
-output: {pictures: false, usd: false}
-"""
+TANK = scene(
+    "A tank",
+    0.05,
+    [{"name": "tank", "box": {"min": [0.0, 0.0], "max": [1.0, 0.6]}}],
+    [block([0.0, 0.0], [0.4, 0.4])],
+    "gauges: [{name: far, x: 0.5}]",
+    "output: {pictures: false, usd: false}",
+    end_time=0.25,
+)
 
 
 @pytest.fixture

@@ -38,7 +38,7 @@ class Overlay:
 
 
 def compare(folders: Sequence[Path]) -> Overlay:
-    """Compare the gauges of runs, which are matched by their names, with those of the first run.
+    """Compare the gauges of runs, which are matched by their names, with the gauges of the first run.
 
     Raises:
         CompareError: a folder is no run, or no gauge is in the first and in another one.

@@ -167,7 +167,7 @@ def _list_radius(scene: Scene) -> float:
 
 
 def _arrays(scene: Scene, counts: Counts) -> float:
-    """Bytes of the arrays on the device: those of State, Viscosity, Neighbours, Cells, Ghosts, Coupling and Model."""
+    """Bytes of the arrays on the device: of State, Viscosity, Neighbours, Cells, Ghosts, Coupling and Model."""
     law = viscous(scene, wp.get_device("cpu"))
     averages = scene.run.integrator == "predictor_corrector"
     a_particle = 192.0
@@ -189,7 +189,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
         a_particle += 52.0
     grid = box_of_cells(scene, *counts.box, counts.walls > 0, int(counts.particles))
     a_cell = 9.0 + 28.0 / 27.0 + 4.0 / 27.0
-    # Entries of the list of walls: a wall point is on those of the particles in a cap of the ball around it.
+    # Entries of the list of walls: a wall point is on the lists of the particles in a cap of the ball around it.
     near = _in_cap(scene, wall_radius(scene))
     support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
     beyond = int(BLOCK_EDGE) / grid.inverse_edge + (MOST_MOTION - 0.5) * support

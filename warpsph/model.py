@@ -171,7 +171,7 @@ class Model:
         def table(values: list[float]) -> wp.array:
             return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
 
-        # One entry more, for particles that have left: those of a fluid that is held, and that no sum counts.
+        # One entry more, for particles that have left: of a fluid that is held, and that no sum counts.
         materials, volumes = [*materials, materials[0]], [*placement.volume, placement.volume[0]]
         p.mass = table([material.density * volume for material, volume in zip(materials, volumes, strict=True)])
         p.rest_density = table([material.density for material in materials])
@@ -258,7 +258,7 @@ def box_of_cells(scene: Scene, lower: np.ndarray, upper: np.ndarray, walls: bool
 
 
 def blocks_in_use(grid: CellGrid, start: np.ndarray) -> np.ndarray:
-    """Whether there are points in each block of cells, shape [block_count]; `start` is that of `Cells`."""
+    """Whether there are points in each block of cells, shape [block_count]; `start` as `Cells` has it."""
     across, blocks, edge = tuple(grid.count)[::-1], tuple(grid.blocks)[::-1], int(BLOCK_EDGE)
     used = np.zeros([edge * n for n in blocks], dtype=bool)
     used[tuple(slice(n) for n in across)] = np.diff(start).reshape(across) > 0

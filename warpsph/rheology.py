@@ -34,7 +34,7 @@ def legendre_stages(count: int) -> list[Stage]:
         b_0 = b_1 = b_2 = 1/3, b_j = (j^2 + j - 2) / (2 j (j + 1)), a_j = 1 - b_j, w = 4 / (s^2 + s - 2)
         mu_j = (2 j - 1) / j b_j / b_(j-1), nu_j = -(j - 1) / j b_j / b_(j-2), mu'_j = w mu_j, gamma'_j = -a_(j-1) mu'_j
 
-    with mu'_1 = w b_1. A step is stable up to (s^2 + s - 2) / 4 times that of Euler's scheme.
+    with mu'_1 = w b_1. A step is stable up to (s^2 + s - 2) / 4 times the step of Euler's scheme.
     """
     b = [1 / 3, 1 / 3, *((j * j + j - 2) / (2 * j * (j + 1)) for j in range(2, count + 1))]
     w = 4 / (count**2 + count - 2)
@@ -57,7 +57,7 @@ def step_in_courants(stages: int) -> float:
 
 
 def needed_stages(ratio: float) -> int:
-    """Stages for a step of `ratio` times that of a single sweep: 1, or an odd number, which damps the fastest best."""
+    """Stages for `ratio` times the step of a single sweep: 1, or an odd one, which damps the fastest best."""
     stages = 1
     while stages < MOST_STAGES and step_in_courants(stages) < ratio:
         stages += 2
@@ -150,5 +150,5 @@ def kinematic_viscosities(scene: Scene) -> dict[str, tuple[float, float]]:
 
 
 def _takes_harmonic_mean(settings: ViscosityField) -> bool:
-    """Whether no force of a pair exceeds that of the harmonic mean; the stress form adds up stresses too."""
+    """Whether no force of a pair exceeds the force with the harmonic mean; the stress form adds up stresses too."""
     return settings.form != "stress" and settings.mean == "harmonic"

@@ -102,7 +102,7 @@ class State:
     xsph_velocity: wp.array
 
     def __init__(self, model: Model, fields: Mapping[str, type]) -> None:
-        """`fields` are those of the scheme, by name; they begin at 0."""
+        """`fields` are the fields of the scheme, by name; they begin at 0."""
         self.model = model
         device, count = model.launcher.device, model.particle_count
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from scenes import DUMMIES, pool, scene, tank
 from warpsph.bodies.wave_maker import in_words
 from warpsph.placement.place import place
 from warpsph.scene.scene import Scene
@@ -12,18 +13,17 @@ from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 from warpsph.theory.waves import paddle_ratio, solitary_stroke, wavenumber
 
-FLUME = """
-title: A flume
-spacing: 0.02
-xsph: 0.0
-materials: {water: {density: 1000.0, sound_speed: 20.0}}
-wall_model: {force: dummy_particles}
-walls: [{name: flume, path: [[-0.6, 0.5], [-0.6, 0.0], [3.0, 0.0], [3.0, 0.5]]}]
-fluids: [{name: water, material: water, fill: {level: 0.2, above: flume, between: [0.0, 3.0]}}]
-wave_maker: {waves: regular, x: 0.0, depth: 0.2, height: 0.02, period: 1.0}
-damping_zones: [{name: sponge, end: 3.0}]
-run: {end_time: 4.0}
-"""
+FLUME = scene(
+    "A flume",
+    0.02,
+    [tank(3.6, 0.5, left=-0.6, name="flume")],
+    [pool(0.2, "flume", between=[0.0, 3.0])],
+    DUMMIES,
+    "xsph: 0.0",
+    "wave_maker: {waves: regular, x: 0.0, depth: 0.2, height: 0.02, period: 1.0}",
+    "damping_zones: [{name: sponge, end: 3.0}]",
+    end_time=4.0,
+)
 ALONE = ["damping_zones=[]", "wave_maker.period=null"]
 
 

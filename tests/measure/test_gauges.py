@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from scenes import block, crate, pool, scene, tank
 from warpsph.measure.gauges import surface
 from warpsph.simulation import Simulation
 
@@ -10,37 +11,28 @@ from warpsph.simulation import Simulation
 TOLERANCE = 0.1
 SPACING = 0.02
 
-POOL = """
-title: A pool
-dimensions: 2
-spacing: 0.02
-materials: {water: {density: 1000.0, sound_speed: 40.0}}
-walls:
-  - {name: tank, path: [[0.0, 0.6], [0.0, 0.0], [0.8, 0.0], [0.8, 0.6]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.4, above: tank, between: [0.0, 0.5]}}
-gauges:
+POOL = scene(
+    "A pool",
+    0.02,
+    [tank(0.8, 0.6)],
+    [pool(0.4, between=[0.0, 0.5])],
+    """gauges:
   - {name: a, x: 0.2}
   - {name: b, x: 0.207, bottom: 0.003}
   - {name: c, x: 0.253, bottom: 0.107}
   - {name: dry, x: 0.7, bottom: 0.05}
-  - {name: floor, x: 0.7}
-run: {end_time: 1.0}
-"""
-BLOCK = """
-title: A block of water that rises in space
-dimensions: 2
-spacing: 0.02
-gravity: 0.0
-materials: {water: {density: 1000.0, sound_speed: 40.0}}
-walls:
-  - {name: tank, path: [[0.0, 1.0], [0.0, 0.0], [0.8, 0.0], [0.8, 1.0]]}
-fluids:
-  - {name: water, material: water, velocity: [0.0, 0.5], shape: {box: {min: [0.2, 0.2], max: [0.6, 0.4]}}}
-gauges:
-  - {name: a, x: 0.4}
-run: {end_time: 1.0}
-"""
+  - {name: floor, x: 0.7}""",
+    sound_speed=40.0,
+)
+BLOCK = scene(
+    "A block of water that rises in space",
+    0.02,
+    [tank(0.8, 1.0)],
+    [block([0.2, 0.2], [0.6, 0.4], velocity=[0.0, 0.5])],
+    "gravity: 0.0",
+    "gauges: [{name: a, x: 0.4}]",
+    sound_speed=40.0,
+)
 HEIGHTS = np.arange(0.0, 2.0, 0.01)
 
 
@@ -121,21 +113,15 @@ def test_no_gauges(make_scene, device):
 
 
 # The water stands higher in the back half of the tank.
-BOX = """
-title: A pool in space
-dimensions: 3
-spacing: 0.02
-materials: {water: {density: 1000.0, sound_speed: 40.0}}
-walls:
-  - {name: tank, box: {min: [0.0, 0.0, 0.0], max: [0.4, 0.6, 0.6], open: [top]}}
-fluids:
-  - {name: low, material: water, shape: {box: {min: [0.0, 0.0, 0.0], max: [0.4, 0.3, 0.2]}}}
-  - {name: high, material: water, shape: {box: {min: [0.0, 0.3, 0.0], max: [0.4, 0.6, 0.3]}}}
-gauges:
-  - {name: front, x: 0.2, y: 0.15}
-  - {name: back, x: 0.213, y: 0.447, bottom: 0.003}
-run: {end_time: 1.0}
-"""
+BOX = scene(
+    "A pool in space",
+    0.02,
+    [crate(0.4, 0.6, 0.6)],
+    [block([0.0, 0.0, 0.0], [0.4, 0.3, 0.2], "low"), block([0.0, 0.3, 0.0], [0.4, 0.6, 0.3], "high")],
+    "gauges: [{name: front, x: 0.2, y: 0.15}, {name: back, x: 0.213, y: 0.447, bottom: 0.003}]",
+    sound_speed=40.0,
+    dimensions=3,
+)
 
 
 def test_gauges_in_space_stand_at_their_y(make_scene, device):

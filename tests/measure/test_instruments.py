@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from scenes import DUMMIES, crate, pool, scene
 from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 
@@ -136,23 +137,21 @@ def test_what_has_passed_is_kept_by_a_checkpoint(make_scene, device, resumed, tm
     assert 0.0 < ours[0] < 0.02 and ours[1] > 0.0 and ours == theirs
 
 
-BOX = """
-title: A box in space
-dimensions: 3
-spacing: 0.02
-xsph: 0.0
-materials: {water: {density: 1000.0, sound_speed: 20.0}}
-wall_model: {force: dummy_particles}
-walls: [{name: tank, box: {min: [0.0, 0.0, 0.0], max: [0.3, 0.2, 0.4], open: [top]}}]
-fluids: [{name: water, material: water, fill: {level: 0.2, above: tank}}]
-probes: [{name: corner, at: [0.0, 0.0, 0.0]}]
-forces:
-  - {name: left, wall: tank, part: {min: [0.0, 0.0, 0.0], max: [0.0, 0.2, 0.4]}, about: [0.0, 0.0, 0.0]}
-run_up: [{name: tank, wall: tank}]
-overtopping: [{name: gate, start: [0.15, 0.0, 0.0], end: [0.15, 0.2, 0.4]}]
-smoothing: {ratio: 1.5}
-run: {end_time: 1.0}
-"""
+BOX = scene(
+    "A box in space",
+    0.02,
+    [crate(0.3, 0.2, 0.4)],
+    [pool(0.2)],
+    DUMMIES,
+    "smoothing: {ratio: 1.5}",
+    "xsph: 0.0",
+    "probes: [{name: corner, at: [0.0, 0.0, 0.0]}]",
+    """forces:
+  - {name: left, wall: tank, part: {min: [0.0, 0.0, 0.0], max: [0.0, 0.2, 0.4]}, about: [0.0, 0.0, 0.0]}""",
+    "run_up: [{name: tank, wall: tank}]",
+    "overtopping: [{name: gate, start: [0.15, 0.0, 0.0], end: [0.15, 0.2, 0.4]}]",
+    dimensions=3,
+)
 
 
 def test_in_space(make_scene, device):

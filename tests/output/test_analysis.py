@@ -6,21 +6,21 @@ import math
 import numpy as np
 import pytest
 
+from scenes import pool, scene, tank
 from warpsph.output.analysis import analysis, instrument_plots
 from warpsph.theory.waves import wavelength
 
-FLUME = """
-title: A flume
-spacing: 0.02
-materials: {water: {density: 1000.0, sound_speed: 20.0}}
-walls: [{name: flume, path: [[-0.6, 0.5], [-0.6, 0.0], [9.0, 0.0], [9.0, 0.5]]}]
-fluids: [{name: water, material: water, fill: {level: 0.3, above: flume, between: [0.0, 9.0]}}]
-wave_maker: {waves: regular, x: 0.0, depth: 0.3, height: 0.02, period: 1.2}
-gauges: [{name: a, x: 2.0}, {name: b, x: 2.2}, {name: c, x: 2.55}]
-probes: [{name: p, at: [1.0, 0.1]}]
-run_up: [{name: end, wall: flume}]
-run: {end_time: 20.0}
-"""
+FLUME = scene(
+    "A flume",
+    0.02,
+    [tank(9.6, 0.5, left=-0.6, name="flume")],
+    [pool(0.3, "flume", between=[0.0, 9.0])],
+    "wave_maker: {waves: regular, x: 0.0, depth: 0.3, height: 0.02, period: 1.2}",
+    "gauges: [{name: a, x: 2.0}, {name: b, x: 2.2}, {name: c, x: 2.55}]",
+    "probes: [{name: p, at: [1.0, 0.1]}]",
+    "run_up: [{name: end, wall: flume}]",
+    end_time=20.0,
+)
 
 
 @pytest.fixture

@@ -6,19 +6,19 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from scenes import pool, scene, tank
 from warpsph.output.vtk import Particles
 from warpsph.run import Run
 from warpsph.state import Snapshot
 
-TANK = """
-title: A tank far from the origin
-spacing: 0.1
-materials: {water: {density: 1000.0, sound_speed: 20.0}}
-walls: [{name: tank, path: [[4000.0, 1.0], [4000.0, 0.0], [4001.0, 0.0], [4001.0, 1.0]]}]
-fluids: [{name: water, material: water, fill: {level: 0.5, above: tank}}]
-output: {pictures: false, usd: false, vtk: true, frames_per_second: 50}
-run: {end_time: 0.05}
-"""
+TANK = scene(
+    "A tank far from the origin",
+    0.1,
+    [tank(1.0, 1.0, left=4000.0)],
+    [pool(0.5)],
+    "output: {pictures: false, usd: false, vtk: true, frames_per_second: 50}",
+    end_time=0.05,
+)
 
 
 def snapshot(frame: int, **fields: np.ndarray) -> Snapshot:

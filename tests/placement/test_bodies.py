@@ -5,42 +5,35 @@ import math
 import numpy as np
 import pytest
 
+from scenes import PUSHING_WALLS, crate, pool, scene, tank
 from warpsph.bodies.facets import facets
 from warpsph.placement.place import place
 from warpsph.placement.solids import Faceted
 from warpsph.scene.source import SceneError
 from warpsph.shapes.mesh import box_mesh, sphere_mesh
 
-POND = """\
-title: A pond
-spacing: 0.02
-materials: {water: {density: 1000.0, sound_speed: 50.0}}
-walls:
-  - {name: pond, path: [[0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.4, above: pond}}
-bodies:
+POND = scene(
+    "A pond",
+    0.02,
+    [tank(1.0, 1.0, name="pond")],
+    [pool(0.4, "pond")],
+    """bodies:
   - {name: crate, shape: {box: {min: [0.3, 0.3], max: [0.5, 0.5]}}, density: 600.0}
-  - {name: buoy, shape: {disc: {center: [0.7, 0.4], radius: 0.1}}, density: 500.0}
-run: {end_time: 1.0}
-wall_model: {force: radial}
-smoothing: {ratio: 1.5}
-"""
-CUBE = """\
-title: A cube in a box of water
-dimensions: 3
-spacing: 0.05
-materials: {water: {density: 1000.0, sound_speed: 50.0}}
-walls:
-  - {name: tank, box: {min: [0.0, 0.0, 0.0], max: [1.0, 1.0, 1.0], open: [top]}}
-fluids:
-  - {name: water, material: water, fill: {level: 0.5, above: tank}}
-bodies:
-  - {name: cube, shape: {box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}}, density: 500.0}
-run: {end_time: 1.0}
-wall_model: {force: radial}
-smoothing: {ratio: 1.5}
-"""
+  - {name: buoy, shape: {disc: {center: [0.7, 0.4], radius: 0.1}}, density: 500.0}""",
+    PUSHING_WALLS,
+    sound_speed=50.0,
+)
+CUBE = scene(
+    "A cube in a box of water",
+    0.05,
+    [crate(1.0, 1.0, 1.0)],
+    [pool(0.5)],
+    """bodies:
+  - {name: cube, shape: {box: {min: [0.3, 0.3, 0.3], max: [0.7, 0.7, 0.7]}}, density: 500.0}""",
+    PUSHING_WALLS,
+    sound_speed=50.0,
+    dimensions=3,
+)
 
 
 def tail(error: pytest.ExceptionInfo) -> str:

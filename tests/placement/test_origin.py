@@ -9,10 +9,10 @@ from pxr import Gf, Usd, UsdGeom
 
 from warpsph.output.records import read_record
 from warpsph.output.surface import SURFACE_SCOPE, make_surface
-from warpsph.placement.origin import PLACES, find_origin, localised
+from warpsph.placement.origin import find_origin, localised
 from warpsph.placement.place import place
 from warpsph.run import Run
-from warpsph.scene.fields import Part
+from warpsph.scene.fields import Part, places_of
 from warpsph.scene.loading import load_scene
 from warpsph.scene.scene import Scene
 from warpsph.scene.source import SceneError
@@ -284,7 +284,7 @@ def test_what_is_given_as_a_place_is_moved():
         todo += kind.__subclasses__()
         for name, field in kind.model_fields.items():
             in_metres = "[m]" in (field.description or "") or "[m, degrees]" in (field.description or "")
-            places = next((PLACES[one] for one in kind.__mro__ if one in PLACES), {})
+            places = places_of(kind)
             if in_metres and name not in places and name not in LENGTHS:
                 seen.add(f"{kind.__name__}.{name}")
     assert seen == set()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from scenes import pool, scene, tank
 from warpsph.bodies.body_set import rotation
 from warpsph.cli import SCENES
 from warpsph.output.checkpoint import write_checkpoint
@@ -12,18 +13,12 @@ from warpsph.step.bodies import columns
 # Single precision, summed over hundreds of steps: relative to the impulse that is exchanged.
 TOLERANCE = 1e-5
 
-RAFT = """
-title: A raft and a stone in a tank
-dimensions: 2
-spacing: 0.02
-materials:
-  water: {density: 1000.0, sound_speed: 30.0, alpha: 0.05, wall_alpha: 0.02}
-xsph: 0.0
-walls:
-  - {name: tank, path: [[0.0, 0.6], [0.0, 0.0], [0.8, 0.0], [0.8, 0.6]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.3, above: tank}}
-bodies:
+RAFT = scene(
+    "A raft and a stone in a tank",
+    0.02,
+    [tank(0.8, 0.6)],
+    [pool(0.3)],
+    """bodies:
   - name: raft
     shape: {polygon: [[-0.1, -0.06], [0.1, -0.06], [0.14, 0.06], [-0.1, 0.06]]}
     at: [0.3, 0.3]
@@ -32,10 +27,13 @@ bodies:
     velocity: [0.3, 0.0]
     hold: true
     contact: {restitution: 0.3, static_friction: 0.2, dynamic_friction: 0.1}
-  - {name: stone, shape: {disc: {center: [0.6, 0.44], radius: 0.07}}, density: 1500.0, spin: 4.0, hold: true}
-warm_up: {duration: 0.1, damping: 50.0}
-run: {end_time: 1.0}
-"""
+  - {name: stone, shape: {disc: {center: [0.6, 0.44], radius: 0.07}}, density: 1500.0, spin: 4.0, hold: true}""",
+    "warm_up: {duration: 0.1, damping: 50.0}",
+    "xsph: 0.0",
+    sound_speed=30.0,
+    alpha=0.05,
+    wall_alpha=0.02,
+)
 
 
 # A crate and a ball in 3-D, the ball on the crate; the tank small, so that steps are quick.
@@ -241,22 +239,23 @@ def test_energy_of_bodies(make_scene):
     assert potential == pytest.approx(9.81 * (raft.mass.mass * raft.mass.centre[2] + stone.mass.mass * 0.44))
 
 
-AFLOAT = """
-title: A box where it floats
-dimensions: 2
-spacing: 0.015
-materials:
-  water: {density: 1000.0, sound_speed: 22.5, alpha: 0.05}
-xsph: 0.0
-walls:
-  - {name: tank, path: [[0.0, 0.5], [0.0, 0.0], [0.75, 0.0], [0.75, 0.5]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.3, above: tank}}
-bodies:
-  - {name: box, shape: {box: {min: [-0.15, -0.09], max: [0.15, 0.09]}}, at: [0.375, 0.3], density: 500.0, hold: true}
-warm_up: {duration: 1.5, damping: 20.0}
-run: {end_time: 0.05}
-"""
+AFLOAT = scene(
+    "A box where it floats",
+    0.015,
+    [tank(0.75, 0.5)],
+    [pool(0.3)],
+    """bodies:
+  - name: box
+    shape: {box: {min: [-0.15, -0.09], max: [0.15, 0.09]}}
+    at: [0.375, 0.3]
+    density: 500.0
+    hold: true""",
+    "warm_up: {duration: 1.5, damping: 20.0}",
+    "xsph: 0.0",
+    sound_speed=22.5,
+    end_time=0.05,
+    alpha=0.05,
+)
 
 
 def pulse(simulation: Simulation, until: float = 0.05) -> float:

@@ -5,48 +5,31 @@ import math
 import numpy as np
 import pytest
 
+from scenes import DUMMIES, block, crate, pool, scene, tank
 from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 
 DX, DEPTH, G = 0.01, 0.1, 9.81
 
-TANK = f"""
-title: A tank
-spacing: {DX}
-materials: {{water: {{density: 1000.0, sound_speed: 20.0}}}}
-density_diffusion: {{model: fourtakas, delta: 0.1}}
-xsph: 0.0
-walls: [{{name: tank, path: [[0.0, 0.2], [0.0, 0.0], [0.2, 0.0], [0.2, 0.2]]}}]
-wall_model: {{force: dummy_particles}}
-fluids: [{{name: water, material: water, fill: {{level: {DEPTH}, above: tank}}}}]
-gauges: [{{name: middle, x: 0.1}}]
-run: {{end_time: 0.5}}
-"""
+DIFFUSED = "density_diffusion: {model: fourtakas, delta: 0.1}\nxsph: 0.0"
 
-COLLAPSE = """
-title: A column collapses onto an end wall
-spacing: 0.025
-materials: {water: {density: 1000.0, sound_speed: 31.3}}
-density_diffusion: {model: fourtakas, delta: 0.1}
-xsph: 0.0
-walls: [{name: tank, path: [[0.0, 1.0], [0.0, 0.0], [1.2, 0.0], [1.2, 1.0]]}]
-wall_model: {force: dummy_particles}
-fluids: [{name: water, material: water, shape: {box: {min: [0.0, 0.0], max: [0.5, 0.5]}}}]
-run: {end_time: 1.0}
-"""
+TANK = scene(
+    "A tank", DX, [tank(0.2, 0.2)], [pool(DEPTH)], DUMMIES, DIFFUSED, "gauges: [{name: middle, x: 0.1}]", end_time=0.5
+)
 
-BOX = """
-title: Water in a box
-dimensions: 3
-spacing: 0.02
-materials: {water: {density: 1000.0, sound_speed: 20.0}}
-density_diffusion: {model: fourtakas, delta: 0.1}
-xsph: 0.0
-walls: [{name: tank, box: {min: [0.0, 0.0, 0.0], max: [0.12, 0.12, 0.16], open: [top]}}]
-wall_model: {force: dummy_particles}
-fluids: [{name: water, material: water, fill: {level: 0.1, above: tank}}]
-run: {end_time: 0.2}
-"""
+COLLAPSE = scene(
+    "A column collapses onto an end wall",
+    0.025,
+    [tank(1.2, 1.0)],
+    [block([0.0, 0.0], [0.5, 0.5])],
+    DUMMIES,
+    DIFFUSED,
+    sound_speed=31.3,
+)
+
+BOX = scene(
+    "Water in a box", 0.02, [crate(0.12, 0.12, 0.16)], [pool(0.1)], DUMMIES, DIFFUSED, end_time=0.2, dimensions=3
+)
 
 
 def fastest(simulation: Simulation) -> float:

@@ -5,26 +5,23 @@ import json
 import numpy as np
 import pytest
 
+from scenes import pool, scene
 from warpsph.cli import BLOWN_UP, OK, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
 from warpsph.simulation import BlowUpError, Simulation
 
 # A dam break that overtops the low end wall of its tank; see tests/cases/README.md.
-OVERTOP = """
-title: A dam break overtops the low end wall of its tank
-spacing: 0.04
-materials:
-  water: {density: 1000.0, sound_speed: 35.0}
-walls:
-  - {name: tank, path: [[0.0, 1.0], [0.0, 0.0], [1.2, 0.0], [1.2, 0.2]]}
-fluids:
-  - {name: water, material: water, fill: {level: 0.6, above: tank, between: [0.0, 0.6]}}
-gauges:
-  - {name: middle, x: 0.6}
-run: {end_time: 1.2}
-output: {usd: true, pictures: false, frames_per_second: 20, checkpoint_every: 0.5}
-"""
+OVERTOP = scene(
+    "A dam break overtops the low end wall of its tank",
+    0.04,
+    [{"name": "tank", "path": [[0.0, 1.0], [0.0, 0.0], [1.2, 0.0], [1.2, 0.2]]}],
+    [pool(0.6, between=[0.0, 0.6])],
+    "gauges: [{name: middle, x: 0.6}]",
+    "output: {usd: true, pictures: false, frames_per_second: 20, checkpoint_every: 0.5}",
+    sound_speed=35.0,
+    end_time=1.2,
+)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from scenes import block, crate, scene
 from warpsph.device.launch import Launcher
 from warpsph.forecast import forecast
 from warpsph.output.checkpoint import read_checkpoint, write_checkpoint
@@ -14,15 +15,15 @@ TOLERANCE = 1e-5
 
 SWEPT = ("pressure_acceleration", "dissipative_acceleration", "density_rate", "diffusion_rate", "xsph_velocity")
 
-CUBE = """
-title: A cube of water collapses in a tank
-dimensions: 3
-spacing: 0.025
-materials: {water: {density: 1000.0, sound_speed: 30.0, alpha: 0.05}}
-walls: [{name: tank, box: {min: [0.0, 0.0, 0.0], max: [0.5, 0.2, 0.4], open: [top]}}]
-fluids: [{name: water, material: water, shape: {box: {min: [0.0, 0.0, 0.0], max: [0.2, 0.2, 0.2]}}}]
-run: {end_time: 1.0}
-"""
+CUBE = scene(
+    "A cube of water collapses in a tank",
+    0.025,
+    [crate(0.5, 0.2, 0.4)],
+    [block([0.0, 0.0, 0.0], [0.2, 0.2, 0.2])],
+    sound_speed=30.0,
+    dimensions=3,
+    alpha=0.05,
+)
 
 
 def rates(simulation: Simulation) -> dict[str, np.ndarray]:

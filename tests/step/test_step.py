@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 
 import warpsph.model
+from scenes import drop, scene
 from warpsph.cli import SCENES
 from warpsph.device import blocks
 from warpsph.kernels.smoothing import SMOOTHING
@@ -19,32 +20,29 @@ from warpsph.simulation import Simulation
 # Relative, for sums over steps and particles in single precision. What must agree bit for bit has no tolerance.
 TOLERANCE = 1e-5
 
-DROP = """
-title: A drop
-dimensions: 2
-spacing: 0.05
-gravity: 0.0
-materials:
-  water: {density: 1000.0, sound_speed: 20.0, alpha: 0.0}
-tensile_correction: false
-density_diffusion: {model: none}
-xsph: 0.0
-fluids:
-  - {name: drop, material: water, hydrostatic: false, shape: {disc: {center: [0.0, 0.0], radius: 0.4}}}
-run: {end_time: 1.0}
-"""
-COLLISION = """
-title: Two drops collide
-dimensions: 2
-spacing: 0.02
-gravity: 0.0
-materials: {water: {density: 1000.0, sound_speed: 40.0}}
-tensile_correction: true
-fluids:
-  - {name: left, material: water, velocity: [3.0, 0.0], shape: {disc: {center: [-0.2, 0.0], radius: 0.12}}}
-  - {name: right, material: water, velocity: [-3.0, 0.0], shape: {disc: {center: [0.2, 0.0], radius: 0.12}}}
-run: {end_time: 1.0}
-"""
+DROP = scene(
+    "A drop",
+    0.05,
+    [],
+    [drop(0.4, hydrostatic=False)],
+    "gravity: 0.0",
+    "tensile_correction: false",
+    "density_diffusion: {model: none}",
+    "xsph: 0.0",
+    alpha=0.0,
+)
+COLLISION = scene(
+    "Two drops collide",
+    0.02,
+    [],
+    [
+        drop(0.12, [-0.2, 0.0], "left", velocity=[3.0, 0.0]),
+        drop(0.12, [0.2, 0.0], "right", velocity=[-3.0, 0.0]),
+    ],
+    "gravity: 0.0",
+    "tensile_correction: true",
+    sound_speed=40.0,
+)
 INTEGRATORS = ("verlet", "predictor_corrector", "runge_kutta")
 every_integrator = pytest.mark.parametrize("integrator", INTEGRATORS)
 FILTERED = "density_filter={model: mls, every: 3}"

@@ -2,43 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from itertools import pairwise
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
+from warpsph.bodies.arrays import Maker
 from warpsph.bodies.body import Body
-from warpsph.bodies.contact_geometry import (
-    ContactLegs,
-    ContactPoints,
-    contact_depth,
-    corners_at,
-    joined,
-    joined_legs,
-    touching,
-)
+from warpsph.bodies.contact import Contacts
+from warpsph.bodies.contact_geometry import ContactLegs, ContactPoints, corners_at
 from warpsph.bodies.motion import KINDS, MotionTable
 from warpsph.device.launch import Launch, Launcher
 from warpsph.kernels import bodies as body_kernels
-from warpsph.kernels import contact as contact_kernels
-from warpsph.kernels import contact_solver
 from warpsph.shapes.points import Array
 from warpsph.shapes.sampling import Surface
 from warpsph.shapes.section import MassProperties
-
-# Points whose loads one thread sums; a fixed number, so that sums do not depend on the threads.
-BLOCK_SIZE = 64
-# Contacts kept of a body and a leg (see kernels/contact.py), and of a body.
-SLOTS = {2: 3, 3: 9}
-CAPACITY = {2: 32, 3: 128}
-SWEEPS = 100
-TOLERANCE = 1e-12
-TILT = 1e-3
-# Speeds below which a contact sticks, and not more than which a bounce is none [m/s].
-STILL, CREEP = 1e-4, 1e-2
 
 
 class BodySet:
@@ -68,119 +47,60 @@ class BodySet:
         """`walls` and `wall_points` as of `contact_legs`, `facet_legs` and `contact_points`."""
         self.launcher, self.bodies = launcher, tuple(bodies)
         self.count = len(self.bodies) + 1
+        self._make = Maker(launcher.device)
         self._load_bodies(np.asarray(gravity, float))
         self._load_motions()
         self._load_points()
-        self._load_contact(list(walls), wall_points or corners_at(np.empty((0, 3))), dimensions, smoothing_length)
-        self._has_contact = contact and len(self._legs) > 0
+        wall_points = wall_points or corners_at(np.empty((0, 3)))
+        self.contacts = Contacts(launcher, self.bodies, walls, wall_points, dimensions, smoothing_length)
+        self._has_contact = contact and self.contacts.leg_count > 0
 
     # ---- the launches, in the order of a step that starts at `time` and lasts `dt` (arrays of one on the device) ----
 
     def drift(self, begin: float, end: float, time: wp.array, dt: wp.array) -> Launch:
         """Bodies from the fractions `begin` to `end` of the step; their points follow by `move_points`."""
-        state = [self.shift, self.turn, self.position, self.orientation, self.velocity, self.spin]
-        part = [wp.float64(begin), wp.float64(end), time, dt]
-        return self.launcher.record_in_order(
-            body_kernels.drift_bodies, self.count, [self.constants, self.motions, *part, *state]
-        )
+        part = {"begin": wp.float64(begin), "end": wp.float64(end), "time": time, "dt": dt}
+        return self.launcher.record(body_kernels.drift_bodies, self.count, self, bodies=self.constants, **part)
 
-    def move_points(self) -> Launch:
+    def move_points(self) -> Callable[[], None]:
         """Points, normals and the ways to their neighbours to where the bodies are."""
         if not self.point_count:
-            return lambda: None
-        state = [self.position, self.orientation, self.velocity, self.spin]
-        points = [self.point_position, self.point_velocity, self.point_normal]
-        launches = [
-            self.launcher.record_in_order(
-                body_kernels.move_points,
-                self.point_count,
-                [self.point_body, self._offset, self._outward, *state, *points],
-            )
-        ] + [
-            self.launcher.record_in_order(
-                body_kernels.turn_vectors, self.point_count, [self.point_body, vectors, self.orientation, out]
-            )
-            for vectors, out in ((self._before, self.point_before), (self._after, self.point_after))
-        ]
+            return together()
+        record = self.launcher.record
+        body, offset, outward = self.point_body, self._offset, self._outward
+        return together(
+            record(body_kernels.move_points, self.point_count, self, body=body, offset=offset, outward=outward),
+            *(
+                record(body_kernels.turn_vectors, self.point_count, self, body=body, vector=vectors, turned=out)
+                for vectors, out in ((self._before, self.point_before), (self._after, self.point_after))
+            ),
+        )
 
-        def launch() -> None:
-            for one in launches:
-                one()
-
-        return launch
-
-    def sum_loads(self) -> Launch:
+    def sum_loads(self) -> Callable[[], None]:
         """Force and torque on each body from the forces on its points, always in the same order."""
-        blocks = [self._block_first, self._block_body, self._offset, self.orientation, self.point_force]
-        sums = [self._block_force, self._block_torque]
         if not self.point_count:
-            return lambda: None
-        by_block = self.launcher.record_in_order(body_kernels.sum_load_blocks, self._block_count, [*blocks, *sums])
-        by_body = self.launcher.record_in_order(
-            body_kernels.sum_loads, self.count, [self._body_first_block, *sums, self.force, self.torque]
+            return together()
+        firsts = {"block_first": self._block_first, "block_body": self._block_body, "offset": self._offset}
+        sums = {"block_force": self._block_force, "block_torque": self._block_torque}
+        record = self.launcher.record
+        return together(
+            record(
+                body_kernels.sum_load_blocks,
+                self._block_count,
+                self,
+                force=self._block_force,
+                torque=self._block_torque,
+                **firsts,
+            ),
+            record(body_kernels.sum_loads, self.count, self, body_first_block=self._body_first_block, **sums),
         )
 
-        def launch() -> None:
-            by_block()
-            by_body()
-
-        return launch
-
-    def kick(self, time: wp.array, dt: wp.array) -> Launch:
+    def kick(self, time: wp.array, dt: wp.array) -> Callable[[], None]:
         """Velocity and spin by loads and gravity over the whole step, and then made admissible by contact."""
-        inverse = [self.inverse_mass, self.inverse_inertia]
-        before = [self.velocity_before, self.spin_before]
-        kick = self.launcher.record_in_order(
-            body_kernels.kick_bodies,
-            self.count,
-            [
-                *(self.constants, self.motions, time, dt, self.force, self.torque),
-                *(self.orientation, self.velocity, self.spin, *before, *inverse),
-            ],
-        )
+        kick = self.launcher.record(body_kernels.kick_bodies, self.count, self, bodies=self.constants, time=time, dt=dt)
         if not self._has_contact:
             return kick
-        leg_count = len(self._legs)
-        place = [self.position, self.orientation]
-        find = self.launcher.record_in_order(
-            contact_kernels.find_contacts,
-            self.count * leg_count,
-            [self.contact, leg_count, *place, self.inverse_mass, self._chosen, self._touched],
-        )
-        gather = self.launcher.record_in_order(
-            contact_solver.gather_contacts,
-            self.count,
-            [
-                *(self.contact, leg_count, dt, self._chosen),
-                *(*place, self.velocity, self.spin, *before, *inverse),
-                *(self._last_count, self._last_key, self._impulse),
-                *(self.contact_count, self._key, self._other, self._place, self._normal),
-                *(self.contact_gap, self._target, self._friction, self._inverse_compliance, self._start_impulse),
-                self._touched,
-            ],
-        )
-        # Views of one row: one thread solves all.
-        rows = [
-            array.reshape((1, -1))
-            for array in (self.velocity, self.spin, self.shift, self.turn, self._impulse, self.received)
-        ]
-        solve = self.launcher.record_in_order(
-            contact_solver.solve_contacts,
-            1,
-            [
-                *(self.constants, self.contact, self.contact_count, self._key, self._other, self._place, self._normal),
-                *(self.contact_gap, self._target, self._friction, self._inverse_compliance, self._start_impulse),
-                *(self.position, *inverse, *rows, self._last_count, self._last_key),
-            ],
-        )
-
-        def launch() -> None:
-            kick()
-            find()
-            gather()
-            solve()
-
-        return launch
+        return together(kick, *self.contacts.launches(self, self.constants, dt))
 
     def kinetic_energy(self) -> Array:
         """Of each body, the ground's 0 [J], or [J/m] in 2-D; read back from the device."""
@@ -193,33 +113,30 @@ class BodySet:
 
     # ---- arrays ----
 
-    def _array(self, values: Array, dtype: type) -> wp.array:
-        return wp.array(np.asarray(values), dtype=dtype, device=self.launcher.device)
-
-    def _zeros(self, dtype: type, *shape: int) -> wp.array:
-        return wp.zeros(shape, dtype=dtype, device=self.launcher.device)
-
     def _load_bodies(self, gravity: Array) -> None:
         all_bodies = [_GROUND, *self.bodies]
         self.constants = constants = body_kernels.Bodies()
         constants.count, constants.gravity = self.count, wp.vec3d(*gravity)
-        constants.mass = self._array([b.mass.mass for b in all_bodies], wp.float64)
-        constants.inertia = self._array([b.mass.inertia for b in all_bodies], wp.mat33d)
-        constants.free_shift = self._array([b.free_shift for b in all_bodies], wp.vec3d)
-        constants.free_turn = self._array([b.free_turn for b in all_bodies], wp.vec3d)
-        constants.release = self._array([b.release for b in all_bodies], wp.float64)
+        constants.mass = self._make.array([b.mass.mass for b in all_bodies], wp.float64)
+        constants.inertia = self._make.array([b.mass.inertia for b in all_bodies], wp.mat33d)
+        constants.free_shift = self._make.array([b.free_shift for b in all_bodies], wp.vec3d)
+        constants.free_turn = self._make.array([b.free_turn for b in all_bodies], wp.vec3d)
+        constants.release = self._make.array([b.release for b in all_bodies], wp.float64)
 
-        self.position = self._array([b.mass.centre for b in all_bodies], wp.vec3d)
-        self.orientation = self._array(np.tile([0.0, 0.0, 0.0, 1.0], (self.count, 1)), wp.quatd)
-        self.velocity = self._array([b.velocity for b in all_bodies], wp.vec3d)
-        self.spin = self._array([b.spin for b in all_bodies], wp.vec3d)
-        self.force, self.torque = self._zeros(wp.vec3d, self.count), self._zeros(wp.vec3d, self.count)
+        self.position = self._make.array([b.mass.centre for b in all_bodies], wp.vec3d)
+        self.orientation = self._make.array(np.tile([0.0, 0.0, 0.0, 1.0], (self.count, 1)), wp.quatd)
+        self.velocity = self._make.array([b.velocity for b in all_bodies], wp.vec3d)
+        self.spin = self._make.array([b.spin for b in all_bodies], wp.vec3d)
+        self.force, self.torque = self._make.zeros(wp.vec3d, self.count), self._make.zeros(wp.vec3d, self.count)
         # Within a step.
-        self.velocity_before, self.spin_before = self._zeros(wp.vec3d, self.count), self._zeros(wp.vec3d, self.count)
-        self.inverse_mass = self._zeros(wp.vec3d, self.count)
-        self.inverse_inertia = self._zeros(wp.mat33d, self.count)
-        self.shift, self.turn = self._zeros(wp.vec3d, self.count), self._zeros(wp.vec3d, self.count)
-        self.received = self._zeros(wp.vec3d, self.count)
+        self.velocity_before, self.spin_before = (
+            self._make.zeros(wp.vec3d, self.count),
+            self._make.zeros(wp.vec3d, self.count),
+        )
+        self.inverse_mass = self._make.zeros(wp.vec3d, self.count)
+        self.inverse_inertia = self._make.zeros(wp.mat33d, self.count)
+        self.shift, self.turn = self._make.zeros(wp.vec3d, self.count), self._make.zeros(wp.vec3d, self.count)
+        self.received = self._make.zeros(wp.vec3d, self.count)
 
     def _load_motions(self) -> None:
         all_motions = [None, *(b.motion for b in self.bodies)]
@@ -230,116 +147,55 @@ class BodySet:
             centre if m is None or m.pivot is None else m.pivot for m, centre in zip(all_motions, centres, strict=True)
         ]
         self.motions = motions = body_kernels.Motions()
-        motions.kind = self._array([KINDS["fixed"], *(KINDS[m.kind] if m else 0 for m in all_motions[1:])], int)
-        motions.position = self._array(centres, wp.vec3d)
-        motions.orientation = self._array(np.tile([0.0, 0.0, 0.0, 1.0], (self.count, 1)), wp.quatd)
-        motions.pivot = self._array(pivots, wp.vec3d)
-        motions.axis = self._array([axis / np.linalg.norm(axis) for axis in axes], wp.vec3d)
-        motions.direction = self._array([m.direction if m else np.zeros(3) for m in all_motions], wp.vec3d)
+        motions.kind = self._make.array([KINDS["fixed"], *(KINDS[m.kind] if m else 0 for m in all_motions[1:])], int)
+        motions.position = self._make.array(centres, wp.vec3d)
+        motions.orientation = self._make.array(np.tile([0.0, 0.0, 0.0, 1.0], (self.count, 1)), wp.quatd)
+        motions.pivot = self._make.array(pivots, wp.vec3d)
+        motions.axis = self._make.array([axis / np.linalg.norm(axis) for axis in axes], wp.vec3d)
+        motions.direction = self._make.array([m.direction if m else np.zeros(3) for m in all_motions], wp.vec3d)
         for name, otherwise in {"turn": 0.0, "begin": 0.0, "period": 1.0, "phase": 0.0}.items():
             values = [getattr(m, name) if m else otherwise for m in all_motions]
-            setattr(motions, name, self._array(values, wp.float64))
+            setattr(motions, name, self._make.array(values, wp.float64))
         rates = [table.rates() if len(table.time) else (table.shift, table.angle) for table in tables]
-        motions.first_row = self._array(np.cumsum([0, *(len(table.time) for table in tables)]), int)
-        motions.row_time = self._array(np.concatenate([table.time for table in tables]), wp.float64)
-        motions.row_shift = self._array(np.concatenate([table.shift for table in tables]), wp.vec3d)
-        motions.row_angle = self._array(np.concatenate([table.angle for table in tables]), wp.float64)
-        motions.row_shift_rate = self._array(np.concatenate([shift for shift, _ in rates]), wp.vec3d)
-        motions.row_angle_rate = self._array(np.concatenate([angle for _, angle in rates]), wp.float64)
+        motions.first_row = self._make.array(np.cumsum([0, *(len(table.time) for table in tables)]), int)
+        motions.row_time = self._make.array(np.concatenate([table.time for table in tables]), wp.float64)
+        motions.row_shift = self._make.array(np.concatenate([table.shift for table in tables]), wp.vec3d)
+        motions.row_angle = self._make.array(np.concatenate([table.angle for table in tables]), wp.float64)
+        motions.row_shift_rate = self._make.array(np.concatenate([shift for shift, _ in rates]), wp.vec3d)
+        motions.row_angle_rate = self._make.array(np.concatenate([angle for _, angle in rates]), wp.float64)
 
     def _load_points(self) -> None:
         sets = [np.empty((0, 3)), *(b.surface.points - b.mass.centre for b in self.bodies)]
         sizes = [len(points) for points in sets]
         self.point_count = sum(sizes)
 
-        def together(name: str) -> Array:
+        def joined(name: str) -> Array:
             return np.concatenate([np.empty((0, 3)), *(getattr(b.surface, name) for b in self.bodies)])
 
-        self.point_body = self._array(np.repeat(np.arange(self.count), sizes), int)
-        self._offset = self._array(np.concatenate(sets), wp.vec3d)
-        self._outward = self._array(together("normals"), wp.vec3d)
-        self._before, self._after = self._array(together("before"), wp.vec3d), self._array(together("after"), wp.vec3d)
+        self.point_body = self._make.array(np.repeat(np.arange(self.count), sizes), int)
+        self._offset = self._make.array(np.concatenate(sets), wp.vec3d)
+        self._outward = self._make.array(joined("normals"), wp.vec3d)
+        self._before, self._after = (
+            self._make.array(joined("before"), wp.vec3d),
+            self._make.array(joined("after"), wp.vec3d),
+        )
         self.point_position, self.point_velocity, self.point_normal, self.point_before, self.point_after = (
-            self._zeros(wp.vec3, self.point_count) for _ in range(5)
+            self._make.zeros(wp.vec3, self.point_count) for _ in range(5)
         )
-        self.point_force = self._zeros(wp.vec3, self.point_count)
-        self._block_count, self._block_first, self._block_body, self._body_first_block = self._blocks(sizes)
-        self._block_force = self._zeros(wp.vec3d, self._block_count)
-        self._block_torque = self._zeros(wp.vec3d, self._block_count)
+        self.point_force = self._make.zeros(wp.vec3, self.point_count)
+        self._block_count, self._block_first, self._block_body, self._body_first_block = self._make.blocks(sizes)
+        self._block_force = self._make.zeros(wp.vec3d, self._block_count)
+        self._block_torque = self._make.zeros(wp.vec3d, self._block_count)
 
-    def _blocks(self, sizes: Sequence[int]) -> tuple[int, wp.array, wp.array, wp.array]:
-        """Blocks of the points of each body: how many, their first points and bodies, and each body's first block."""
-        firsts = np.concatenate([[0], np.cumsum(sizes)])
-        blocks = [
-            (first, b) for b, (begin, end) in enumerate(pairwise(firsts)) for first in range(begin, end, BLOCK_SIZE)
-        ]
-        owners = np.array([b for _, b in blocks], int)
-        return (
-            len(blocks),
-            self._array([*(first for first, _ in blocks), firsts[-1]], int),
-            self._array(owners, int),
-            self._array(np.searchsorted(owners, np.arange(self.count + 1)), int),
-        )
 
-    def _load_contact(self, walls: list[ContactLegs], wall_points: ContactPoints, dimensions: int, h: float) -> None:
-        self.contact = contact = contact_kernels.Contact()
-        contact.slots, contact.capacity = SLOTS[dimensions], CAPACITY[dimensions]
-        contact.sweeps, contact.tolerance, contact.tilt = SWEEPS, TOLERANCE, TILT
-        contact.margin, contact.depth, contact.slack = 0.1 * h, contact_depth(h), 1e-4 * h
-        contact.still, contact.creep = STILL, CREEP
-        for name in ("restitution", "static_friction", "dynamic_friction"):
-            setattr(contact, name, self._array([-1.0, *(getattr(b, name) for b in self.bodies)], wp.float64))
+def together(*launches: Callable[[], None]) -> Callable[[], None]:
+    """What makes launches one after the other."""
 
-        parts, owners, sets = list(walls), [0] * len(walls), [wall_points]
-        for b, body in enumerate(self.bodies, 1):
-            own, points = touching(body, contact.depth)
-            parts, owners, sets = parts + own, owners + [b] * len(own), [*sets, points]
-        for name, dtype in {"offset": wp.vec3d, "radius": wp.float64, "way": wp.vec3d, "spread": wp.float64}.items():
-            setattr(contact, f"point_{name}", self._array(np.concatenate([getattr(p, name) for p in sets]), dtype))
-        contact.point_length = self._array(np.concatenate([p.length for p in sets]), wp.float64)
-        contact.point_into = self._array(np.concatenate([p.into for p in sets]), wp.vec3d)
-        reach = [float((np.linalg.norm(p.offset, axis=1) + p.radius).max(initial=0.0)) for p in sets[1:]]
-        contact.reach = self._array([math.inf, *reach], wp.float64)
-        self._load_contact_blocks(joined(sets), [len(p.radius) for p in sets])
+    def launch() -> None:
+        for one in launches:
+            one()
 
-        self._legs = legs = joined_legs(parts)
-        owner = np.repeat(np.array(owners, int), [len(part) for part in parts])
-        contact.leg_body, contact.leg_kind = self._array(owner, int), self._array(legs.kind, int)
-        for name in ("origin", "along", "normal", "center", "into"):
-            setattr(contact, f"leg_{name}", self._array(getattr(legs, name), wp.vec3d))
-        for name in ("radius", "length", "reach"):
-            setattr(contact, f"leg_{name}", self._array(getattr(legs, name), wp.float64))
-        for name in ("start", "end", "width"):
-            setattr(contact, f"leg_{name}", self._array(getattr(legs, name), wp.vec2d))
-        contact.leg_border = self._array(np.append(0, np.cumsum(legs.borders)), int)
-        contact.border_start = self._array(legs.border_start, wp.vec3d)
-        contact.border_into = self._array(legs.border_into, wp.vec3d)
-        contact.border_beyond = self._array(legs.border_beyond, wp.vec2d)
-
-        shape = self.count, contact.capacity
-        self._chosen = self._zeros(int, max(self.count * len(legs), 1), contact.slots)
-        self._touched = self._zeros(int, self.count, max(-(-len(legs) // int(contact_kernels.LEG_BLOCK)), 1))
-        self.contact_count, self._last_count = self._zeros(int, self.count), self._zeros(int, self.count)
-        self._key, self._last_key = self._zeros(wp.int64, *shape), self._zeros(wp.int64, *shape)
-        self._other = self._zeros(int, *shape)
-        self._place, self._normal, self._start_impulse = (self._zeros(wp.vec3d, *shape) for _ in range(3))
-        self.contact_gap, self._target, self._friction, self._inverse_compliance = (
-            self._zeros(wp.float64, *shape) for _ in range(4)
-        )
-        self._impulse = self._zeros(wp.vec3d, 1, self.count * contact.capacity)
-
-    def _load_contact_blocks(self, points: ContactPoints, sizes: Sequence[int]) -> None:
-        """Blocks of points, of which one that is far from a leg is passed over as a whole."""
-        contact = self.contact
-        count, contact.block_first, _, contact.body_first_block = self._blocks(sizes)
-        first = contact.block_first.numpy()
-        ends = points.offset + points.length[:, None] * points.way
-        middles = 0.5 * (points.offset + ends)
-        centres = np.array([middles[first[n] : first[n + 1]].mean(axis=0) for n in range(count)]).reshape(-1, 3)
-        reach = 0.5 * points.length + points.radius
-        reach = reach + np.linalg.norm(middles - np.repeat(centres, np.diff(first), axis=0), axis=1)
-        contact.block_center = self._array(centres, wp.vec3d)
-        contact.block_reach = self._array([reach[first[n] : first[n + 1]].max() for n in range(count)], wp.float64)
+    return launch
 
 
 def rotation(quaternion: Array) -> Array:

@@ -52,8 +52,8 @@ def _monotone_rates(time: Array, value: Array) -> Array:
     """Rates at `time` [n] of the monotone cubics through `value` [n, ...], as Fritsch & Butland (1984) choose them.
 
     Between two rows such a cubic stays between their values: the rate at a row is the weighted harmonic mean of the
-    slopes on both sides, and 0 where these differ in sign. At an end it is that of the parabola through three rows, not
-    against the first slope and not more than three times that.
+    slopes on both sides, and 0 where these differ in sign. At an end it is the slope of the parabola through three
+    rows, not against the first slope and not more than three times that.
     """
     step = np.diff(time).reshape(-1, *[1] * (value.ndim - 1))
     slope = np.diff(value, axis=0) / step

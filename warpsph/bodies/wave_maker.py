@@ -22,7 +22,7 @@ HIGHEST = 1.53
 
 
 class WaveError(ValueError):
-    """The waves cannot be made; `field` is that of the wave maker at fault."""
+    """The waves cannot be made; `field` is the field of the wave maker at fault."""
 
     def __init__(self, field: str, message: str) -> None:
         super().__init__(message)

@@ -23,7 +23,7 @@ from warpsph.kernels.threads import CACHE_LINE, meet
 # parts of a launch, if these are not shorter than this.
 TURNS, LONG_TURN = 4, 512
 
-# Held while launches are captured: Warp would take in those of other threads.
+# Held while launches are captured: Warp would take in the launches of other threads.
 CAPTURE = threading.Lock()
 
 
@@ -137,7 +137,7 @@ class Launch:
         self.parts, self._team = list(parts), team
 
     def __call__(self) -> None:
-        """Run all parts; where a loop is being captured, record those of the thread whose turn it is."""
+        """Run all parts; where a loop is being captured, record the parts of the thread whose turn it is."""
         self._team.run(self.parts)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from warpsph.scene.instruments import Observed
 from warpsph.scene.source import nearest, read_table_text
 
-# What a unit in the heading of an observed column is in those of our records.
+# What a unit in the heading of an observed column is in units of our records.
 UNITS = {
     **{"s": 1.0, "ms": 1e-3, "min": 60.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3},
     **{"Pa": 1.0, "kPa": 1e3, "hPa": 1e2, "mbar": 1e2, "bar": 1e5, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},

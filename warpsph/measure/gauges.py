@@ -128,7 +128,7 @@ def wall_shares(model: Model) -> tuple[Array, Array]:
 def bed_below(x: float, y: float, walls: Sequence[Wall], sides: Sequence[int], otherwise: float) -> float:
     """Height of the highest wall over which there may be fluid at (x, y) [m]; `otherwise` where there is none.
 
-    `sides` are those of the walls on which the fluid is: a lid carries none.
+    `sides` are the sides of the walls on which the fluid is: a lid carries none.
     """
     found = [height for wall, side in zip(walls, sides, strict=True) for height in wall.floors(x, y, side)]
     return max(found, default=otherwise)

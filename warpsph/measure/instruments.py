@@ -1,9 +1,9 @@
 """Instruments: probes of pressure and velocity, forces on walls, run-up along them, and what passes a line.
 
-All of them read the fluid alone, whatever law its walls have. At a place x a field is that of the linear function that
-fits the particles around best, weighted by their kernel (moving least squares of first order, Lancaster & Salkauskas
-1981), so that on a wall, where half of the kernel sees no fluid, it is the wall's own. The force on a wall is the
-integral of that pressure over its surface: what rubs along the wall is not in it.
+All of them read the fluid alone, whatever law its walls have. At a place x a field is the value of the linear function
+that fits the particles around best, weighted by their kernel (moving least squares of first order, Lancaster &
+Salkauskas 1981), so that on a wall, where half of the kernel sees no fluid, it is the wall's own. The force on a wall
+is the integral of that pressure over its surface: what rubs along the wall is not in it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from warpsph.step.neighbours import Neighbours
 
 # Where the fluid fills less of the kernel than this there is none: a lone particle half a spacing off fills 0.2.
 LEAST_FRACTION = 0.1
-# Second moments of what is around, over those of a full kernel, below which it has no slope in that way.
+# Second moments of the fluid around, over the moments of a full kernel, below which it has no slope in that way.
 LEAST_MOMENT = 0.02
 # A wall is wet where the fluid fills as much of the kernel as a level surface does that ends there, by the angle
 # between the two: a quarter where the wall is upright. But at least, and at most, so much.

@@ -67,8 +67,8 @@ def find_impact(
 ) -> Impact | None:
     """The impact in the `record` of a body on water at `level` [m]; None if its centre never sinks into it from above.
 
-    `corners` [m], shape [n, 2], are those of its outline about its centre where its angle is 0, `depth` [m] is that of
-    the water, `mass` [kg/m] and `inertia` [kg m] those of the body.
+    `corners` [m], shape [n, 2], are the corners of its outline about its centre where its angle is 0, `depth` [m] is
+    the depth of the water, `mass` [kg/m] and `inertia` [kg m] belong to the body.
     """
     z, angle = record["z [m]"], np.radians(record["angle [deg]"])[:, None]
     when = _sinks(z, level)

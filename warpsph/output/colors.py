@@ -12,7 +12,7 @@ BODY_PALETTE = ("#8c8f94", "#b0895a", "#6f7f6a", "#a46d62")
 
 
 def fluid_colors(scene: Scene) -> dict[str, str]:
-    """Colour of each fluid, `#rrggbb`: that of its material, or the next of the palette where it names none."""
+    """Colour of each fluid, `#rrggbb`: its material's, or the next of the palette where it names none."""
     palette = cycle(MATERIAL_PALETTE)
     colors = {name: material.color or next(palette) for name, material in scene.materials.items()}
     return {fluid.name: colors[fluid.material] for fluid in scene.fluids}

@@ -46,7 +46,7 @@ LEFT, RIGHT, BOTTOM = 74, 26, 54  # margins of the plot [px]
 SMALLEST_DISC = 5.0
 # So many particles are painted at a time: more would only take memory.
 BLOCK = 1 << 18
-# How far the colour of the fastest particles is from that of their material to white: more is lost on white paper.
+# How far the colour of the fastest particles is on the way from their material's to white: more is lost on white paper.
 PALEST = 0.45
 FLAT, LIT = "flat", "lit"
 
@@ -69,7 +69,7 @@ class Marks:
 def window_around(points: np.ndarray, spacing: float) -> Window:
     """A window ((x, x), (z, z)) [m] around points of a picture [m], shape [n, 2], with a little air.
 
-    `spacing` [m] is that of the particles.
+    `spacing` [m] is the spacing of the particles.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     air = 2.0 * spacing + 0.01 * (high - low).max()

@@ -1,6 +1,6 @@
 """Plots of records, and the list of those that the report shows.
 
-A record is a CSV file of a run: its name is that of the file, its columns are headed "name [unit]". `RECORDS` says
+A record is a CSV file of a run: its name is the name of the file, its columns are headed "name [unit]". `RECORDS` says
 which records there are and what is drawn of them; a new kind is one line there.
 """
 
@@ -236,7 +236,7 @@ def gauge_figure(levels: Curves, observed: Curves | None = None, onto: Figure | 
     """The levels of gauges over that at rest, each named with the amplitude of its crest.
 
     Args:
-        levels: Records of gauges by name; the first level is that of the water at rest.
+        levels: Records of gauges by name; the first level is the level of the water at rest.
         observed: Measured records by the name of their gauge, their level above that at rest.
         onto: A figure that is drawn upon anew, of those that this or `Records.plots` made.
     """

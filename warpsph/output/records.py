@@ -34,7 +34,7 @@ class Record:
     ) -> None:
         """Start the file, or go on with it: rows after `resume_at` [s] are dropped, they will come again.
 
-        `origin` is what is added to each column, in its unit: that of the scene where a column holds places.
+        `origin` is what is added to each column, in its unit: the origin of the scene where a column holds places.
         """
         self._origin = origin or [0.0] * len(columns)
         rows: list[list[str]] = []
@@ -141,9 +141,9 @@ def find_front(time: np.ndarray, level: np.ndarray) -> float:
 def find_crest(time: np.ndarray, level: np.ndarray) -> tuple[float, float]:
     """Amplitude of the highest crest above the first level [m], and when it passes [s].
 
-    `time` [s] and `level` [m] are a gauge's record, shape [sample_count]. The crest is that of the parabola that fits
-    the samples around the highest best, as far as the level stays above 90 % of its rise: single particles that ride
-    on the surface make the record rough by a fraction of a spacing, and its highest sample one of the roughest.
+    `time` [s] and `level` [m] are a gauge's record, shape [sample_count]. The crest is the top of the parabola that
+    fits the samples around the highest best, as far as the level stays above 90 % of its rise: single particles that
+    ride on the surface make the record rough by a fraction of a spacing, and its highest sample one of the roughest.
     """
     top = int(np.argmax(level))
     low = np.flatnonzero(level < level[0] + 0.9 * (level[top] - level[0]))

@@ -37,7 +37,7 @@ from warpsph.output.usd import (
 
 # In spacings: the smoothing length of the kernel, whose support is twice that, and the edge of a marching cube.
 SMOOTHING, CUBE = 1.0, 0.5
-# How near the volume of a mesh comes to that of its particles, over the latter [-].
+# How near the volume of a mesh comes to the volume of its particles, over the latter [-].
 CLOSE = 1e-6
 # A sheet of particles, of a 2-D scene, is made so many particles thick.
 LAYERS = 5
@@ -60,7 +60,7 @@ class Enclosed:
     Attributes:
         frame: Its number.
         fluid: The name of the fluid's prim.
-        share: Volume enclosed over that of the particles [-].
+        share: Volume enclosed over the volume of the particles [-].
         moved: How far it was moved outwards for that, in spacings [-].
         is_closed: Whether it is watertight.
     """
@@ -176,7 +176,7 @@ def thick(points: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def particle_volume(points: np.ndarray, spacing: float) -> float:
-    """What particles stand for [m3], those of a sheet as thick as it is made."""
+    """The volume that particles stand for [m3]; a sheet is as thick as it is made."""
     return len(points) * (LAYERS if is_sheet(points) else 1) * spacing**3
 
 

@@ -26,7 +26,7 @@ from warpsph.output.usd import (
     SURFACE_SCOPE,
 )
 
-# How far the volume that a surface encloses may be off that of its particles.
+# How far the volume that a surface encloses may be off the volume of its particles.
 VOLUME_ERROR = 0.03
 
 Arrays = dict[str, np.ndarray]

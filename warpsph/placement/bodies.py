@@ -41,7 +41,7 @@ class Solid:
     """A body in its place at the start.
 
     Attributes:
-        body: Its mass, motion and contact; the points of its surface stand back from what is drawn, as those of walls.
+        body: Its mass, motion and contact; the points of its surface stand back from the drawing, as in walls.
         form: What is drawn of it.
         samples: Points all over what is drawn, a wall's spacing apart [m], shape [n, 3].
     """
@@ -57,7 +57,7 @@ class Solid:
         return self.form.contains(points)
 
     def distance(self, points: Array) -> Array:
-        """Distance from each of `points` to the surface [m], shape [n]; from far outside, that of `Form.distance`."""
+        """Distance from each of `points` to the surface [m], shape [n]; far outside as of `Form.distance`."""
         return self.form.distance(points)
 
     def corners(self) -> tuple[Array, list[list[int]]]:
@@ -108,7 +108,7 @@ def _refuse_no_room(scene: Scene, solids: Sequence[Solid], drawn: Sequence[Array
 
 
 def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Wall], sides: Sequence[int]) -> None:
-    """Raises SceneError for a body that lies behind a wall; `sides` are those of the walls on which the fluid is."""
+    """Raises SceneError for a body that lies behind a wall; `sides` are the sides on which walls have the fluid."""
     for wall, one, side in zip(scene.walls, walls, sides, strict=True) if solids else ():
         points, normals, _ = one.sample(scene.wall_spacing)
         for i, solid in enumerate(solids):

@@ -214,7 +214,7 @@ def _lowest_walls(drawn: Sequence[Array], spacing: float) -> tuple[Array, Array,
 def _without_ground(sites: Array, corner: Array, lowest: Array, spacing: float) -> NDArray[np.bool_]:
     """Whether no wall lies straight below each of `sites` [n, 3], to within one spacing, shape [n].
 
-    `corner` and `lowest` are those of `_lowest_walls`.
+    `corner` and `lowest` are as `_lowest_walls` gives them.
     """
     place = np.floor((sites[:, :2] - corner) / spacing).astype(np.int64)
     beyond = np.any((place < 0) | (place >= lowest.shape), axis=1)

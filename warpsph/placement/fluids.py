@@ -42,7 +42,7 @@ class Sites:
     Attributes:
         position: [m], shape [n, 3].
         depth: The column of its own that presses on each [m], shape [n].
-        volume: Of each [m3, in 2-D m2], so that all of them have that of the drawing.
+        volume: Of each [m3, in 2-D m2], so that all of them have the volume of the drawing.
         cut: Those in cells that a wall cuts, which stand in disorder, shape [n].
         mirrors: Planes that close a fill off where there is no wall, its level first: a normal and an offset [m] each.
         holds: Whether each of some points [n, 3] lies in the fluid as drawn, shape [n].

@@ -109,7 +109,7 @@ def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
 def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tuple[list[Edge], list[Image]]:
     """Edges, and all images through which what is within the edges is seen, up to `radius` [m] beyond them.
 
-    `lower` and `upper` [m], shape [3], are corners of a box around all that counts. The first images are those of the
+    `lower` and `upper` [m], shape [3], are corners of a box around all that counts. The first images are made by the
     edges, in their order.
 
     Raises:

@@ -11,45 +11,12 @@ from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from typing import Any
 
-from warpsph.scene.bodies import BodyField, BodyMotion
-from warpsph.scene.boundaries import Mirror, Periodic, WallField
-from warpsph.scene.fields import Part
-from warpsph.scene.fluids import Fill, Lattice
-from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, Window
-from warpsph.scene.output import View
+from warpsph.scene.bodies import BodyField
+from warpsph.scene.fields import PLACE, Part, places_of
 from warpsph.scene.scene import Scene
-from warpsph.scene.shapes import Arc, BallField, BoxField, Corner, Disc, Shape, SolidField
-from warpsph.scene.waves import DampingZone, WaveMaker
 
 # A drawing that reaches no farther from zero than so many spacings, or than so many times its own size, is left there.
 NEAR_SPACINGS, NEAR_SIZES = 2000.0, 2.0
-
-# The fields that name a place, and along which axes their numbers count: those of a point go by how many there are.
-POINT = ""
-PLACES: Mapping[type[Part], Mapping[str, str]] = {
-    BoxField: {"min": POINT, "max": POINT},
-    Disc: {"center": POINT},
-    BallField: {"center": POINT},
-    Arc: {"center": POINT},
-    Corner: {"at": POINT},
-    Shape: {"polygon": POINT, "width": "y"},
-    SolidField: {"polygon": POINT, "path": POINT},
-    WallField: {"path": POINT, "width": "y"},
-    Mirror: {"point": POINT},
-    Periodic: {"start": POINT, "end": POINT},
-    Fill: {"level": "z", "between": "x"},
-    Lattice: {"origin": POINT},
-    BodyMotion: {"pivot": POINT},
-    BodyField: {"at": POINT, "centre": POINT},
-    Gauge: {"x": "x", "y": "y", "bottom": "z"},
-    WaveMaker: {"x": "x", "bed": "z", "top": "z", "width": "y", "hinge": "z"},
-    DampingZone: {"end": "x"},
-    Probe: {"at": POINT},
-    Window: {"min": POINT, "max": POINT},
-    Force: {"about": POINT},
-    Overtopping: {"start": POINT, "end": POINT},
-    View: {"x": "x", "y": "y", "z": "z"},
-}
 
 
 def localised(scene: Scene) -> Scene:
@@ -88,10 +55,6 @@ def find_origin(scene: Scene) -> dict[str, int]:
     }
 
 
-def _places(part: Part) -> Mapping[str, str]:
-    return next((PLACES[kind] for kind in type(part).__mro__ if kind in PLACES), {})
-
-
 def _axes(value: Any, axes: str) -> str:
     return axes * len(value) if axes else "xz" if len(value) == 2 else "xyz"
 
@@ -99,10 +62,10 @@ def _axes(value: Any, axes: str) -> str:
 def _numbers(value: Any, axes: str | None = None) -> Iterator[tuple[str, float]]:
     """Axis and coordinate [m] of all places in a part of a scene."""
     if isinstance(value, BodyField):
-        value, axes = value.at, POINT
+        value, axes = value.at, PLACE.axes
     if isinstance(value, Part):
         for name in type(value).model_fields:
-            yield from _numbers(getattr(value, name), _places(value).get(name))
+            yield from _numbers(getattr(value, name), places_of(type(value)).get(name))
     elif isinstance(value, tuple) and value and isinstance(value[0], (tuple, Part)):
         for one in value:
             yield from _numbers(one, axes)
@@ -117,7 +80,7 @@ def _moved(value: Any, by: Mapping[str, int], axes: str | None = None) -> Any:
     if isinstance(value, BodyField):
         return _moved_body(value, by)
     if isinstance(value, Part):
-        places = _places(value)
+        places = places_of(type(value))
         fields = {name: getattr(value, name) for name in type(value).model_fields}
         moved = {name: _moved(old, by, places.get(name)) for name, old in fields.items()}
         changed = {name: new for name, new in moved.items() if new is not fields[name]}
@@ -136,10 +99,10 @@ def _moved_body(body: BodyField, by: Mapping[str, int]) -> BodyField:
     """A body elsewhere: drawn there, or, where its drawing is put or turned or comes from a file, put there."""
     motion = _moved(body.motion, by)
     if body.at is None and not body.angle and not body.shape.mesh:
-        centre = _moved(body.centre, by, POINT)
+        centre = _moved(body.centre, by, PLACE.axes)
         return body.model_copy(update={"shape": _moved(body.shape, by), "centre": centre, "motion": motion})
     at = body.at or (0.0,) * (3 if body.shape.mesh or body.shape.sphere or _is_in_space(body) else 2)
-    return body.model_copy(update={"at": _moved(at, by, POINT), "motion": motion})
+    return body.model_copy(update={"at": _moved(at, by, PLACE.axes), "motion": motion})
 
 
 def _is_in_space(body: BodyField) -> bool:

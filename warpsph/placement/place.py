@@ -44,7 +44,7 @@ class Placement:
         initial_depth: Column of the own fluid that weighs what presses on a particle at rest [m], 0 where `hydrostatic`
             is off, [particle_count].
         volume: Of one particle of each fluid at its reference density [m3, in 2-D m2], shape [fluid_count]: a cell of
-            the lattice in a fill, and in a shape its volume shared out, so that the mass is that of the drawing.
+            the lattice in a fill, and in a shape its volume shared out, so that the mass is the mass of the drawing.
         wall_position: Points of all walls [m], set back from the walls as drawn, shape [wall_count, 3].
         wall_normal: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [wall_count, 3].
         wall_before, wall_after: From each wall point to its neighbours on an outline [m], 0 where it ends, and
@@ -288,7 +288,7 @@ def top_speed(velocity: Array) -> float:
 
 
 def typical_speed(scene: Scene, start: Start) -> float:
-    """A speed [m/s] for the colours of pictures: that of a fall, or, where nothing falls, of what is given to move."""
+    """A speed [m/s] for the colours of pictures: of a fall, or, where nothing falls, of the motions that are given."""
     given = [start.top_speed]
     given += [math.hypot(*image.mirror.velocity) for image in scene.images if image.mirror and image.mirror.velocity]
     return 0.7 * math.sqrt(2.0 * scene.gravity * start.drop) or max(given)

@@ -260,7 +260,7 @@ class Ball(Faceted):
 
 
 class Box(Faceted):
-    """A box, whose points stand on lattices, as those of the walls of a tank."""
+    """A box, whose points stand on lattices, as on the walls of a tank."""
 
     def __init__(self, low: Array, high: Array, turn: Array, at: Array) -> None:
         """From corner to corner [m] as drawn."""

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from warpsph.scene.fields import (
     COLOR,
     IN_SPACE,
+    PLACE,
     Angle,
     Coordinate,
     Density,
@@ -43,7 +44,9 @@ class BodyMotion(Part):
     turn: Angle = Field(
         0.0, description="Rate of constant and ramp [degrees/s], amplitude of sine [degrees], counter-clockwise."
     )
-    pivot: Point | None = Field(None, description="What it turns about at the start [m]; the centre when absent.")
+    pivot: Annotated[Point | None, PLACE] = Field(
+        None, description="What it turns about at the start [m]; the centre when absent."
+    )
     axis: Annotated[Direction | None, IN_SPACE] = Field(
         None, description="In 3-D, along what it turns, right-handed [-]; [0, -1, 0] when absent."
     )
@@ -89,14 +92,18 @@ class BodyField(Part):
 
     name: Name = Field(description="Name of the body [-]; its record is bodies/NAME.csv.")
     shape: SolidField = Field(description="Its shape, as drawn [m].")
-    at: Point | None = Field(None, description="Where the origin of the drawing is put [m]; where it is when absent.")
+    at: Annotated[Point | None, PLACE] = Field(
+        None, description="Where the origin of the drawing is put [m]; where it is when absent."
+    )
     angle: Angle = Field(0.0, description="Turn of the drawing about its origin, counter-clockwise in x-z [degrees].")
     axis: Annotated[Direction | None, IN_SPACE] = Field(
         None, description="In 3-D, along what the drawing is turned, right-handed [-]; [0, -1, 0] when absent."
     )
     density: Density | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
-    centre: Point | None = Field(None, description="Centre of mass, as drawn [m]; that of the shape when absent.")
+    centre: Annotated[Point | None, PLACE] = Field(
+        None, description="Centre of mass, as drawn [m]; that of the shape when absent."
+    )
     inertia: Annotated[Moments | None, ThreeInSpace("[Jx, Jy, Jz]")] = Field(
         None,
         description="Moment of inertia about the centre [kg m2/m], in 3-D the three [Jx, Jy, Jz] along the axes of the "

@@ -13,6 +13,8 @@ from warpsph.scene.fields import (
     IN_SPACE,
     LEAST,
     NEAREST,
+    PLACE,
+    Along,
     Coefficient,
     Name,
     Part,
@@ -43,14 +45,14 @@ class WallField(Part):
     """A solid line, in 3-D a surface, that repels fluid on both of its sides."""
 
     name: Name = Field(description="Name of the wall [-].")
-    path: Annotated[tuple[PathPoint, ...], Field(min_length=2, max_length=MOST_CORNERS)] | None = Field(
-        None, description="Polyline through points [x, z] [m] or rounded corners {at, radius}."
+    path: Annotated[Annotated[tuple[PathPoint, ...], Field(min_length=2, max_length=MOST_CORNERS)] | None, PLACE] = (
+        Field(None, description="Polyline through points [x, z] [m] or rounded corners {at, radius}.")
     )
     closed: Switch = Field(False, description="Whether the path returns to its first point [-].")
     box: BoxWall | None = Field(None, description="Outline of an upright rectangle, in 3-D the faces of a box [m].")
     disc: Disc | None = Field(None, description="Outline of a circle [m].")
     arc: Arc | None = Field(None, description="A part of a circle [m, degrees].")
-    width: Annotated[Range | None, ACROSS] = Field(
+    width: Annotated[Range | None, ACROSS, Along("y")] = Field(
         None, description="In 3-D, from y to y: how far a path, disc or arc reaches across [m]."
     )
 
@@ -155,7 +157,7 @@ class WallModel(Part):
 class Mirror(Part):
     """A plane wall, seen as a mirror: the fluid goes on behind it as its own image."""
 
-    point: Point = Field(description="A point of the plane [x, z], in 3-D [x, y, z] [m].")
+    point: Annotated[Point, PLACE] = Field(description="A point of the plane [x, z], in 3-D [x, y, z] [m].")
     normal: Point = Field(description="Direction across the plane, into the fluid; of any length [-].")
     velocity_rule: Literal["free_slip", "no_slip_opposite", "no_slip_wall", "takeda"] = Field(
         "free_slip",
@@ -182,8 +184,8 @@ class Mirror(Part):
 class Periodic(Part):
     """A pair of parallel plane edges that are the same place: what leaves through one comes in through the other."""
 
-    start: Point = Field(description="A point of one edge [x, z], in 3-D [x, y, z] [m].")
-    end: Point = Field(description="The same point on the other edge, straight across [m].")
+    start: Annotated[Point, PLACE] = Field(description="A point of one edge [x, z], in 3-D [x, y, z] [m].")
+    end: Annotated[Point, PLACE] = Field(description="The same point on the other edge, straight across [m].")
 
     @model_validator(mode="after")
     def _has_a_length(self) -> Periodic:

@@ -15,7 +15,7 @@ MOST_FRAMES, MOST_SAMPLES = 1_000_000, 5_000_000
 
 
 def wants_lists(scene: SceneFields) -> list[str]:
-    """What of a scene cannot do with the cells around: pair loops beside those of pressure and density."""
+    """The parts of a scene that need lists of neighbours: pair loops other than pressure and density."""
     needs = {
         "the scheme mueller": scene.scheme == "mueller",
         "antuono's diffusion of density": scene.density_diffusion.model == "antuono",

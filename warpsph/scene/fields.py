@@ -176,6 +176,19 @@ class ThreeInSpace(DimensionMark):
         return None
 
 
+@dataclass(frozen=True)
+class Along:
+    """A field that names places, which count from the origin of the scene.
+
+    Attributes:
+        axes: Along which axis its numbers count; empty for points, of which it goes by how many numbers they have.
+    """
+
+    axes: str
+
+
+PLACE = Along("")
+
 IN_PLANE, IN_SPACE = Only(2), Only(3)
 # How far what is drawn in the plane reaches across; a box and a sphere know it themselves.
 ACROSS = Only(3, needed=True, unless=("box", "sphere"))
@@ -216,6 +229,15 @@ def marks_of(kind: type[Part]) -> Mapping[str, tuple[DimensionMark, ...]]:
         outermost = (one for one in field.metadata if isinstance(one, DimensionMark))
         found[name] = (*outermost, *_marks_in(field.annotation))
     return found
+
+
+@cache
+def places_of(kind: type[Part]) -> Mapping[str, str]:
+    """The fields of a kind of part that name places, with the axes of their marks."""
+    marked = {
+        name: [one for one in field.metadata if isinstance(one, Along)] for name, field in kind.model_fields.items()
+    }
+    return {name: marks[-1].axes for name, marks in marked.items() if marks}
 
 
 def parts_within(value: Any, path: str = "") -> Iterator[tuple[str, Part]]:

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 
 from warpsph.scene.fields import (
     COLOR,
+    PLACE,
+    Along,
     Angle,
     Coefficient,
     Coordinate,
@@ -127,9 +129,9 @@ class Material(Part):
 class Fill(Part):
     """Fluid at rest below a level and above a wall."""
 
-    level: Coordinate = Field(description="Height of the free surface, z [m].")
+    level: Annotated[Coordinate, Along("z")] = Field(description="Height of the free surface, z [m].")
     above: Reference = Field(description="Name of the wall that carries the fluid [-].")
-    between: Range | None = Field(
+    between: Annotated[Range | None, Along("x")] = Field(
         None, description="Least and largest x of the fill [m]; the extent of the wall when absent."
     )
 
@@ -138,7 +140,7 @@ class Lattice(Part):
     """The square (in 3-D cubic) lattice that a shape is cut from: particles stand at the centres of its cells."""
 
     angle: Angle = Field(0.0, description="Turn of the lattice in the x-z plane, counter-clockwise [degrees].")
-    origin: Point | None = Field(
+    origin: Annotated[Point | None, PLACE] = Field(
         None,
         description="A corner of a cell [x, z], in 3-D [x, y, z] [m]; the first corner of the shape when absent.",
     )

@@ -7,7 +7,20 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from warpsph.scene.fields import ACROSS, NEAREST, Coordinate, Line, Name, Part, Point, Real, Reference, fault
+from warpsph.scene.fields import (
+    ACROSS,
+    NEAREST,
+    PLACE,
+    Along,
+    Coordinate,
+    Line,
+    Name,
+    Part,
+    Point,
+    Real,
+    Reference,
+    fault,
+)
 
 
 class Observed(Part):
@@ -29,9 +42,11 @@ class Gauge(Part):
     """A place where the level of the free surface is recorded."""
 
     name: Name = Field(description="Name of the gauge [-]; its record is gauges/NAME.csv.")
-    x: Coordinate = Field(description="Where it stands, x [m].")
-    y: Annotated[Coordinate | None, ACROSS] = Field(None, description="Where it stands, y [m]; needed in 3-D.")
-    bottom: Coordinate | None = Field(
+    x: Annotated[Coordinate, Along("x")] = Field(description="Where it stands, x [m].")
+    y: Annotated[Coordinate | None, ACROSS, Along("y")] = Field(
+        None, description="Where it stands, y [m]; needed in 3-D."
+    )
+    bottom: Annotated[Coordinate | None, Along("z")] = Field(
         None, description="Height z at which the search for the surface ends [m]; the bed below it when absent."
     )
     observed: Observed | None = Field(None, description="A measured level.")
@@ -41,7 +56,7 @@ class Probe(Part):
     """A place where pressure and velocity are recorded."""
 
     name: Name = Field(description="Name of the probe [-]; its record is probes/NAME.csv.")
-    at: Point = Field(description="Where it is [m]; on a wall it reads the wall's pressure.")
+    at: Annotated[Point, PLACE] = Field(description="Where it is [m]; on a wall it reads the wall's pressure.")
     body: Name | None = Field(None, description="Name of a body that it rides on [-]; it stands still when absent.")
     observed: Observed | None = Field(None, description="A measured pressure or velocity.")
 
@@ -49,8 +64,8 @@ class Probe(Part):
 class Window(Part):
     """An upright box that cuts out a part of a wall."""
 
-    min: Point = Field(description="Lower left corner [x, z], in 3-D the front one [x, y, z] [m].")
-    max: Point = Field(description="Upper right corner [x, z], in 3-D the back one [x, y, z] [m].")
+    min: Annotated[Point, PLACE] = Field(description="Lower left corner [x, z], in 3-D the front one [x, y, z] [m].")
+    max: Annotated[Point, PLACE] = Field(description="Upper right corner [x, z], in 3-D the back one [x, y, z] [m].")
 
     @model_validator(mode="after")
     def _has_an_order(self) -> Window:
@@ -65,7 +80,7 @@ class Force(Part):
     name: Name = Field(description="Name of the force [-]; its record is forces/NAME.csv.")
     wall: Name = Field(description="Name of the wall [-].")
     part: Window | None = Field(None, description="The part of the wall that lies in a box [m]; all of it when absent.")
-    about: Point | None = Field(
+    about: Annotated[Point | None, PLACE] = Field(
         None, description="Point that the torque is about [m]; the zero of the scene if absent."
     )
 
@@ -82,8 +97,10 @@ class Overtopping(Part):
     """What passes a line, in 3-D an upright rectangle."""
 
     name: Name = Field(description="Name of the record, overtopping/NAME.csv [-].")
-    start: Point = Field(description="One end of the line, in 3-D the lower corner at one end of the rectangle [m].")
-    end: Point = Field(
+    start: Annotated[Point, PLACE] = Field(
+        description="One end of the line, in 3-D the lower corner at one end of the rectangle [m]."
+    )
+    end: Annotated[Point, PLACE] = Field(
         description="The other end, in 3-D the upper corner at the other [m]. What passes from the left of the way "
         "there to its right counts as positive, that is along x where the line rises, or in "
         "3-D where the rectangle runs along y."

@@ -68,7 +68,7 @@ class DensityDiffusion(Part):
 
 
 class DensityFilterField(Part):
-    """Density made anew from that of all around, now and then."""
+    """Density made anew from the density all around, now and then."""
 
     model: Literal["none", "shepard", "mls"] = Field(
         "none",

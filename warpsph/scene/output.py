@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from warpsph.scene.fields import IN_SPACE, Duration, Part, Range, Rate, Size, Switch
+from warpsph.scene.fields import IN_SPACE, Along, Duration, Part, Range, Rate, Size, Switch
 
 # Fewer pictures than this of an animation look like slides [1/s].
 SMOOTH = 15.0
@@ -22,9 +22,11 @@ class View(Part):
         description="From where a 3-D scene is seen [-]: front (where y is least), above, or in perspective; the last "
         "when absent. A 2-D scene is seen from its front.",
     )
-    x: Range | None = Field(None, description="From x to x [m]; all of it when absent.")
-    y: Annotated[Range | None, IN_SPACE] = Field(None, description="From y to y, in 3-D [m]; all of it when absent.")
-    z: Range | None = Field(None, description="From z to z [m]; all of it when absent.")
+    x: Annotated[Range | None, Along("x")] = Field(None, description="From x to x [m]; all of it when absent.")
+    y: Annotated[Range | None, IN_SPACE, Along("y")] = Field(
+        None, description="From y to y, in 3-D [m]; all of it when absent."
+    )
+    z: Annotated[Range | None, Along("z")] = Field(None, description="From z to z [m]; all of it when absent.")
 
 
 class Output(Part):

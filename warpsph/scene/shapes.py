@@ -10,6 +10,8 @@ from warpsph.scene.fields import (
     ACROSS,
     IN_PLANE,
     IN_SPACE,
+    PLACE,
+    Along,
     Angle,
     Coordinate,
     Line,
@@ -30,8 +32,8 @@ MOST_CORNERS = 2000
 class BoxField(Part):
     """An upright rectangle, in 3-D an upright box."""
 
-    min: Point = Field(description="Lower left corner [x, z], in 3-D the front one [x, y, z] [m].")
-    max: Point = Field(description="Upper right corner [x, z], in 3-D the back one [x, y, z] [m].")
+    min: Annotated[Point, PLACE] = Field(description="Lower left corner [x, z], in 3-D the front one [x, y, z] [m].")
+    max: Annotated[Point, PLACE] = Field(description="Upper right corner [x, z], in 3-D the back one [x, y, z] [m].")
 
     @model_validator(mode="after")
     def _has_an_inside(self) -> BoxField:
@@ -44,21 +46,21 @@ class BoxField(Part):
 class Disc(Part):
     """A circle, or what lies inside it."""
 
-    center: Pair = Field(description="Centre [x, z] [m].")
+    center: Annotated[Pair, PLACE] = Field(description="Centre [x, z] [m].")
     radius: Size = Field(description="Radius [m].")
 
 
 class BallField(Part):
     """What lies inside a sphere."""
 
-    center: Triple = Field(description="Centre [x, y, z] [m].")
+    center: Annotated[Triple, PLACE] = Field(description="Centre [x, y, z] [m].")
     radius: Size = Field(description="Radius [m].")
 
 
 class Arc(Part):
     """A part of a circle, run counter-clockwise."""
 
-    center: Pair = Field(description="Centre [x, z] [m].")
+    center: Annotated[Pair, PLACE] = Field(description="Centre [x, z] [m].")
     radius: Size = Field(description="Radius [m].")
     start: Angle = Field(description="Angle of the first end, counter-clockwise from the x axis [degrees].")
     end: Angle = Field(description="Angle of the last end, more than start and less than a turn beyond it [degrees].")
@@ -73,7 +75,7 @@ class Arc(Part):
 class Corner(Part):
     """A point of a path at which an arc, tangent to both legs, rounds the corner."""
 
-    at: Pair = Field(description="Where the two legs would meet [x, z] [m].")
+    at: Annotated[Pair, PLACE] = Field(description="Where the two legs would meet [x, z] [m].")
     radius: Annotated[Coordinate, Field(ge=0)] = Field(description="Radius of the arc [m].")
 
 
@@ -96,12 +98,12 @@ class Shape(Part):
     """The outline of a body of fluid: exactly one of box, polygon, disc and sphere."""
 
     box: BoxField | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
-    polygon: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None = Field(
+    polygon: Annotated[Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, PLACE] = Field(
         None, description="Corners [x, z] of a polygon [m], either way round."
     )
     disc: Disc | None = Field(None, description="Circle [m].")
     sphere: Annotated[BallField | None, IN_SPACE] = Field(None, description="Sphere, in 3-D [m].")
-    width: Annotated[Range | None, ACROSS] = Field(
+    width: Annotated[Range | None, ACROSS, Along("y")] = Field(
         None, description="In 3-D, from y to y: how far a polygon or disc reaches across [m]."
     )
 
@@ -128,13 +130,15 @@ class SolidField(Part):
     """The shape of a rigid body: exactly one of box, polygon, disc, path, sphere and mesh."""
 
     box: BoxField | None = Field(None, description="Upright rectangle, in 3-D a box [m].")
-    polygon: Annotated[Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE] = (
-        Field(None, description="Corners [x, z] of a polygon, either way round, in 2-D [m].")
-    )
+    polygon: Annotated[
+        Annotated[tuple[Pair, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE, PLACE
+    ] = Field(None, description="Corners [x, z] of a polygon, either way round, in 2-D [m].")
     disc: Annotated[Disc | None, IN_PLANE] = Field(None, description="Circle, in 2-D [m].")
-    path: Annotated[Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None, IN_PLANE] = (
-        Field(None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m].")
-    )
+    path: Annotated[
+        Annotated[tuple[PathPoint, ...], Field(min_length=3, max_length=MOST_CORNERS)] | None,
+        IN_PLANE,
+        PLACE,
+    ] = Field(None, description="Closed polyline through points [x, z] or rounded corners {at, radius}, in 2-D [m].")
     sphere: Annotated[BallField | None, IN_SPACE] = Field(None, description="Sphere, in 3-D [m].")
     mesh: Annotated[MeshFile | None, IN_SPACE] = Field(None, description="Closed surface from a file, in 3-D [m].")
 

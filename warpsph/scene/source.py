@@ -20,8 +20,8 @@ MOST_WORDS = 8
 LONGEST_SHOWN = 80
 # A text of more letters, or with more values when its anchors have been put in, is no scene.
 MOST_LETTERS, MOST_VALUES = 1_000_000, 100_000
-# A file of numbers of more bytes is no record of an experiment.
-MOST_BYTES = 2e7
+# A file of numbers of more letters is no record of an experiment.
+MOST_LETTERS_OF_TABLES = 20_000_000
 # One of more letters takes PyYAML more than a second.
 LONG_TEXT = 100_000
 
@@ -85,40 +85,44 @@ def shortened(words: str, most: int = LONGEST_SHOWN) -> str:
 
 
 def read_text(path: Path | str) -> str:
-    """The text of the file at `path`. Raises SceneError when there is none to be had."""
-    file = Path(path)
+    """The text of the scene file at `path`. Raises SceneError when there is none to be had."""
     try:
-        with file.open(encoding="utf-8-sig") as opened:
-            text = opened.read(MOST_LETTERS + 1)
-        if len(text) > MOST_LETTERS:
-            raise SceneError(f"{path}: longer than {MOST_LETTERS:,} letters; is it a scene?")
-        return text
+        return _text_of(path, MOST_LETTERS, "scene")
     except FileNotFoundError:
+        file = Path(path)
         close = difflib.get_close_matches(file.name, [other.name for other in file.parent.glob("*.yaml")], n=1)
         hint = f"; did you mean '{file.with_name(close[0])}'?" if close else ""
         raise SceneError(f"{path}: no such file{hint}") from None
-    except IsADirectoryError:
-        raise SceneError(f"{path}: a folder, not a scene file") from None
-    except UnicodeDecodeError:
-        raise SceneError(f"{path}: not text in UTF-8") from None
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise SceneError(str(error)) from None
 
 
 def read_table_text(path: Path | str) -> str:
     """The text of a file of numbers that a scene names. Raises ValueError, of one line, when there is none."""
+    if os.path.exists(path) and not os.path.isfile(path):  # a folder; or a device, which may have no end
+        raise ValueError(f"{path}: is no file")
     try:
-        if os.path.exists(path) and not os.path.isfile(path):  # a folder; or a device, which may have no end
-            raise ValueError(f"{path}: is no file")
-        if os.path.getsize(path) > MOST_BYTES:
-            raise ValueError(f"{path}: more than {MOST_BYTES / 1e6:g} MB; is it a table?")
-        return Path(path).read_text(encoding="utf-8-sig")
+        return _text_of(path, MOST_LETTERS_OF_TABLES, "table")
     except FileNotFoundError:
         raise ValueError(f"{shortened(str(path))}: no such file") from None
+
+
+def _text_of(path: Path | str, most: int, kind: str) -> str:
+    """The text of a file. Raises ValueError, of one line, for any that is no `kind`, and FileNotFoundError."""
+    try:
+        with Path(path).open(encoding="utf-8-sig") as opened:
+            text = opened.read(most + 1)
+    except FileNotFoundError:
+        raise
+    except IsADirectoryError:
+        raise ValueError(f"{path}: a folder, not a {kind} file") from None
     except UnicodeDecodeError:
         raise ValueError(f"{path}: not text in UTF-8") from None
     except OSError as error:
-        raise ValueError(f"{shortened(str(path))}: cannot be read: {error.strerror}") from None
+        raise ValueError(f"{shortened(str(path))}: cannot be read ({error.strerror})") from None
+    if len(text) > most:
+        raise ValueError(f"{path}: longer than {most:,} letters; is it a {kind}?")
+    return text
 
 
 def read_yaml(text: str, file: str) -> tuple[Any, SourceMap]:

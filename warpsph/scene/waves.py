@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from warpsph.scene.fields import (
     ACROSS,
+    Along,
     Coordinate,
     Duration,
     Line,
@@ -47,17 +48,17 @@ class WaveMaker(Part):
         description="What it makes [-]: regular waves, a sea by a spectrum, solitary waves, waves whose crests meet at "
         "a place, or the way of a measured paddle."
     )
-    x: Coordinate = Field(description="Where its face stands at the start, x [m].")
+    x: Annotated[Coordinate, Along("x")] = Field(description="Where its face stands at the start, x [m].")
     depth: Size = Field(description="Depth of the water before it [m].")
-    bed: Coordinate = Field(0.0, description="Height of the bed before it, z [m].")
-    top: Coordinate | None = Field(
+    bed: Annotated[Coordinate, Along("z")] = Field(0.0, description="Height of the bed before it, z [m].")
+    top: Annotated[Coordinate | None, Along("z")] = Field(
         None, description="Height of its upper edge, z [m]; twice the depth over the bed if absent."
     )
-    width: Annotated[Range | None, ACROSS] = Field(
+    width: Annotated[Range | None, ACROSS, Along("y")] = Field(
         None, description="In 3-D, from y to y: how far it reaches across [m]."
     )
     thickness: Size | None = Field(None, description="Its thickness [m]; six spacings when absent.")
-    hinge: Coordinate | None = Field(None, description="Height of the hinge of a flap, z [m].")
+    hinge: Annotated[Coordinate | None, Along("z")] = Field(None, description="Height of the hinge of a flap, z [m].")
     longest_stroke: Size | None = Field(
         None, description="The longest way between its ends that the machine has [m]; any when absent."
     )
@@ -135,7 +136,7 @@ class DampingZone(Part):
     """A zone in which waves are damped, the more the farther in; at its `end` most."""
 
     name: Name = Field(description="Name of the zone [-].")
-    end: Coordinate = Field(description="Where it ends, x [m].")
+    end: Annotated[Coordinate, Along("x")] = Field(description="Where it ends, x [m].")
     side: Literal["right", "left"] = Field("right", description="Whether it ends at its right or at its left [-].")
     wavelengths: Annotated[Size, Field(le=1000)] = Field(1.0, description="Its length in wavelengths [-].")
     period: Duration | None = Field(

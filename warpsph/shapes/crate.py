@@ -113,7 +113,7 @@ class Crate:
         return Crate(low, high, self.open)
 
     def sample(self, spacing: float) -> tuple[Array, Array, Array]:
-        """Points at most `spacing` [m] apart, on one lattice for all faces; those of an edge or a corner once.
+        """Points at most `spacing` [m] apart, on one lattice for all faces; an edge or a corner has its points once.
 
         Returns points [m, 3], their unit normals into the box [m, 3] (halfway between the faces at an edge), and the
         area that each stands for [m2], shape [m].

@@ -22,7 +22,7 @@ SLACK = 0.02
 def spread(line: Outline, dx: float) -> tuple[Array, Array]:
     """Points [n, 2] about `dx` [m] apart along a line, and the length that each stands for [m], [n].
 
-    A corner has a point, an end has its first half a step off. Lengths add up to that of the line.
+    A corner has a point, an end has its first half a step off. Lengths add up to the length of the line.
     """
     points, shares = [], []
     chains = _chains(line)

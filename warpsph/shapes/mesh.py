@@ -194,7 +194,7 @@ def solid_mass(
     """Mass properties of what `mesh` encloses, exact for its triangles.
 
     Of `density` [kg/m3] and `mass` [kg] one is
-    given; `centre` [m] and the `inertia` about it [kg m2], shape [3, 3], replace those of a uniform body.
+    given; `centre` [m] and the `inertia` about it [kg m2], shape [3, 3], replace the values of a uniform body.
 
     Raises ValueError for a mass that is not above 0, or an inertia that no body has.
     """

@@ -1,6 +1,6 @@
 """Exact outlines of walls and shapes: straight legs and arcs end to end, and points spread evenly along them.
 
-A clearance or a length is that of the drawing, not of its samples. Plane points are [x, z].
+A clearance or a length is taken from the drawing, not from its samples. Plane points are [x, z].
 """
 
 from __future__ import annotations

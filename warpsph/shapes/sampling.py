@@ -67,7 +67,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
 
     Corners and edges are fixed; the other points are spread along a curve that fills space, and then moved to the
     middle of the surface that is nearest to them (Lloyd 1982). Nothing is drawn by chance. The shares [m2] are the
-    areas nearest to each point and add up to that of the mesh.
+    areas nearest to each point and add up to the area of the mesh.
 
     Raises ValueError where the spacing is too fine for the mesh.
     """

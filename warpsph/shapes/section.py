@@ -1,7 +1,7 @@
 """What an outline encloses, and what a body of a given shape weighs: area, mass, centre, inertia.
 
 Everything here happens once, on the host, in double precision. Outlines are of the x-z plane, points [x, z]; masses
-and inertias in 2-D are those of a slice 1 m wide.
+and inertias in 2-D are for a slice 1 m wide.
 
 A refusal is a ValueError of one line, for the scene to put a place before.
 """

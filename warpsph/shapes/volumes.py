@@ -43,7 +43,7 @@ def _turned(points: Array, angle: float) -> Array:
 class Prism:
     """What lies inside a closed outline, from y to y [m]; in 2-D that is one spacing, around y = 0.
 
-    `volume` is that of the drawing [m3], in 2-D its area [m2].
+    `volume` is the volume of the drawing [m3], in 2-D its area [m2].
     """
 
     outline: Outline

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
 import numpy as np
 import warp as wp
 
-from warpsph.bodies.body_set import BodySet, rotation
+from warpsph.bodies.body_set import BodySet, rotation, together
 from warpsph.device.cells import Cells
 from warpsph.device.launch import Launch, alias
 from warpsph.kernels import loads
@@ -39,7 +36,7 @@ class Coupling:
     """
 
     # All that a checkpoint keeps of bodies.
-    KEPT = ("position", "orientation", "velocity", "spin", "_impulse", "_last_key", "_last_count")
+    KEPT = ("position", "orientation", "velocity", "spin")
     LISTED = ("listed_position", "listed_orientation", "listed_point", "last_velocity")
 
     def __init__(self, model: Model, state: State, start: Start) -> None:
@@ -87,6 +84,9 @@ class Coupling:
     def kept(self) -> dict[str, wp.array]:
         """The arrays that a checkpoint keeps, by name."""
         arrays = {f"bodies.{name}": getattr(self.set, name) for name in self.KEPT}
+        contacts = self.set.contacts
+        last = {"_impulse": contacts.last_impulse, "_last_key": contacts.last_key, "_last_count": contacts.last_count}
+        arrays |= {f"bodies.{name}": array for name, array in last.items()}
         return arrays | {f"bodies.{name}": getattr(self, name) for name in self.LISTED}
 
     # ------------------------------------------------------------------------------------------------------- the lists
@@ -148,7 +148,7 @@ class Coupling:
     def drift_half(self) -> list[Stage]:
         """Bodies and their points to n+1/2."""
         s = self.state
-        return [_chain(self.set.drift(0.0, 0.5, s.time, s.dt), self.set.move_points())]
+        return [together(self.set.drift(0.0, 0.5, s.time, s.dt), self.set.move_points())]
 
     def push_fluid(self) -> list[Launch]:
         """What bodies do to the fluid, on top of what walls do: once those have been told."""
@@ -171,12 +171,12 @@ class Coupling:
         near = {"reach": self._reach, "motion": m.longest_motion, "start": cells.start}
         kernel = loads.reaction_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel)
         react = m.launcher.record(kernel, b.point_count, m, self.state, b, force=b.point_force, **near)
-        return [_chain(react, b.sum_loads())]
+        return [together(react, b.sum_loads())]
 
     def kick_and_drift(self) -> list[Stage]:
         """Velocities to n+1 by loads, gravity and contact, then places."""
         s, b = self.state, self.set
-        return [_chain(b.kick(s.time, s.dt), b.drift(0.5, 1.0, s.time, s.dt), b.move_points())]
+        return [together(b.kick(s.time, s.dt), b.drift(0.5, 1.0, s.time, s.dt), b.move_points())]
 
     def watch(self) -> list[Launch]:
         """What the bodies allow of the next step, and of the lists: into the last of the entries of the clock."""
@@ -292,15 +292,6 @@ def columns(dimensions: int) -> list[str]:
     place = ["x [m]", "y [m]", "z [m]", *(f"q{axis}" for axis in "xyzw")]
     motion = ["u [m/s]", "v [m/s]", "w [m/s]", *(f"spin {axis} [rad/s]" for axis in "xyz")]
     return [*place, *motion, *(f"force {axis} [N]" for axis in "xyz"), *(f"torque {axis} [N m]" for axis in "xyz")]
-
-
-def _chain(*launches: Stage) -> Callable[[], None]:
-    return partial(_run, launches)
-
-
-def _run(launches: tuple[Stage, ...]) -> None:
-    for launch in launches:
-        launch()
 
 
 def _farthest(offsets: np.ndarray) -> float:

@@ -1,6 +1,6 @@
 """Impulse waves by hand: the formulae of Evers, Heller, Fuchs, Hager & Boes (2019), VAW-Mitteilungen 254.
 
-Numbers of equations are those of that manual. They come from experiments with granular slides in channels (2-D) and
+Equations have the numbers of that manual. They come from experiments with granular slides in channels (2-D) and
 basins (3-D); `Slide.outside` tells where a slide leaves their range. SI units, angles in degrees.
 """
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 _PARABOLIC = 1.2  # mean of u^2 over the square of the mean of u
-# A front thinner than this share of the column is none, and friction is that of no thinner film.
+# A front thinner than this share of the column is none, and friction is never reckoned with a thinner film.
 _LEAST_FRONT, _LEAST_FILM = 0.01, 1e-4
 
 

@@ -149,7 +149,7 @@ def sea(
     """Components of an irregular sea between 0.5 and 3 times the peak frequency.
 
     Bands are as wide as each other, frequencies at random within them, so that the record does not repeat; phases are
-    at random. Amplitudes sqrt(2 S df), scaled so that their energy is that of the whole spectrum.
+    at random. Amplitudes sqrt(2 S df), scaled so that they have the energy of the whole spectrum.
     """
     edges = np.linspace(LOWEST, HIGHEST, count + 1) / period
     random = np.random.default_rng(seed)
