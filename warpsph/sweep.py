@@ -18,7 +18,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -285,7 +285,7 @@ def _mark(member: Member, folder: Path) -> None:
 
 def sweep(
     todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[MemberResult]]
-) -> Iterator[MemberResult]:
+) -> Generator[MemberResult, None, None]:
     """All members in turn: those that are done or refused at once, the others as `run` ends them.
 
     Raises SweepError, before anything is run, where the results would take the place of what no sweep has written.
