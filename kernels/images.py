@@ -20,6 +20,7 @@ from .blocks import Blocks, item_of
 from .layout import Layout, Rows
 from .neighbours import BLOCK_EDGE, CellGrid, last_entry, place_of
 from .parameters import Parameters
+from .smoothing import SMOOTHING
 
 
 @wp.struct
@@ -70,6 +71,36 @@ def velocity_beyond(images: Images, k: int, x_i: wp.vec3, u_i: wp.vec3, x_j: wp.
     d_i = wp.max(distance_inside(normal, offset, x_i), 1.0e-12)
     d_j = wp.max(distance_inside(normal, offset, x_j), 0.0)
     return u_wall - wp.min(d_j / d_i, 0.5) * (u_i - u_wall)
+
+
+@cache
+def ghost_pair(smoothing: str, dimensions: int, layout: Layout) -> wp.Function:
+    """A wp.func of the pair of particle i with the ghost of particle `source` through an image, at xV_g = (x, y, z, V).
+
+    It gives s_ig, where grad_i W_ig V_g = s_ig x_ig, x_ig [m], u_ig [m/s], and what is packed behind the velocity.
+    """
+    slope, load, packed = SMOOTHING[smoothing].slope, layout.load[dimensions], layout.packed
+
+    @wp.func
+    def pair_with_ghost(
+        parameters: Parameters,
+        images: Images,
+        position_volume: wp.array[packed],
+        packed_velocity: wp.array[packed],
+        source: int,
+        image: int,
+        xV_g: wp.vec4,
+        x_i: wp.vec3,
+        u_i: wp.vec3,
+    ):
+        """s_ig, x_ig, u_ig and the number behind the velocity of the ghost's particle."""
+        x_s, y_s, z_s, _V_s, u_s, v_s, w_s, last = load(position_volume, packed_velocity, source)
+        u_g = velocity_beyond(images, image, x_i, u_i, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s))
+        x_ig = x_i - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
+        s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
+        return s, x_ig, u_i - u_g, last
+
+    return pair_with_ghost
 
 
 @wp.func

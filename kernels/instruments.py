@@ -8,7 +8,7 @@ from functools import cache
 
 import warp as wp
 
-from .blocks import Blocks
+from .blocks import Blocks, item_of
 from .neighbours import CellGrid, cell_at
 from .parameters import Parameters
 from .smoothing import SMOOTHING
@@ -140,7 +140,7 @@ def count_passing(
         a, b = gates.along[g], gates.up[g]
         total = wp.float64(0.0)
         for k in range(blocks.size):
-            i = block * blocks.apart + k * blocks.stride
+            i = item_of(blocks, block, k)
             if i < blocks.count:
                 x, old = position[i], last_position[i]
                 before, now = wp.dot(old - corner, n), wp.dot(x - corner, n)

@@ -19,7 +19,7 @@ from .corrections import (
     moments_matrix,
     renormalisation,
 )
-from .images import Images, velocity_beyond
+from .images import Images, ghost_pair
 from .layout import CPU_LAYOUT, Layout, Rows, compiler_options, high, low
 from .parameters import Parameters
 from .rheology import deviator, isotropic, magnitude
@@ -44,6 +44,7 @@ def velocity_gradient_kernel(
     """
     slope, moments_with, gradient_with = SMOOTHING[smoothing].slope, MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
     load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
+    with_ghost = ghost_pair(smoothing, dimensions, layout)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def velocity_gradient(
@@ -86,13 +87,10 @@ def velocity_gradient_kernel(
             while k < end:
                 j = entry(neighbour_list, i, k)
                 g = j - particle_count
-                xV_g = place[j]
-                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, ghost_source[g])
-                u_g = velocity_beyond(
-                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                source, image = ghost_source[g], ghost_image[g]
+                s, x_ig, u_ig, _p_s = with_ghost(
+                    parameters, images, position_volume, packed_velocity, source, image, place[j], x_vec, u_vec
                 )
-                x_ig, u_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2]), u_vec - u_g
-                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
                 L = gradient_with(L, s, u_ig[0], u_ig[1], u_ig[2], x_ig[0], x_ig[1], x_ig[2])
                 k += 1
@@ -122,6 +120,7 @@ def yielding_kernel(
     slope, between = SMOOTHING[smoothing].slope, MEAN[mean]
     moments_with, gradient_with = MOMENTS_WITH[dimensions], GRADIENT_WITH[dimensions]
     load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
+    with_ghost = ghost_pair(smoothing, dimensions, layout)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def find_yielding(
@@ -169,13 +168,10 @@ def yielding_kernel(
             while k < end:
                 j = entry(neighbour_list, i, k)
                 g = j - particle_count
-                xV_g, source = place[j], ghost_source[g]
-                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, _p_s = load(position_volume, packed_velocity, source)
-                u_g = velocity_beyond(
-                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                source, image = ghost_source[g], ghost_image[g]
+                s, x_ig, u_ig, _p_s = with_ghost(
+                    parameters, images, position_volume, packed_velocity, source, image, place[j], x_vec, u_vec
                 )
-                x_ig, u_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2]), u_vec - u_g
-                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 M = moments_with(M, s, x_ig[0], x_ig[1], x_ig[2])
                 s *= between(mu_i, viscosity[source])
                 G = gradient_with(G, s, u_ig[0], u_ig[1], u_ig[2], x_ig[0], x_ig[1], x_ig[2])
@@ -294,6 +290,7 @@ def stress_acceleration_kernel(
     """
     slope, between, balance_of = SMOOTHING[smoothing].slope, MEAN[mean], BALANCE[dimensions]
     load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
+    with_ghost = ghost_pair(smoothing, dimensions, layout)
     tensor = TENSOR[layout.packed, dimensions]
     spatial = dimensions == 3
 
@@ -357,19 +354,18 @@ def stress_acceleration_kernel(
             while k < end:
                 j = entry(neighbour_list, i, k)
                 g = j - particle_count
-                source, image, xV_g = ghost_source[g], ghost_image[g], place[j]
-                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, source)
-                u_g = velocity_beyond(images, image, x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s))
+                source, image = ghost_source[g], ghost_image[g]
+                s, x_ig, u_ig, mu_s = with_ghost(
+                    parameters, images, position_volume, velocity_viscosity, source, image, place[j], x_vec, u_vec
+                )
                 xx, xy, xz, yx, yy, yz, zx, zy, zz = tensor(stress, source)
                 S_s = wp.mat33(xx, xy, xz, yx, yy, yz, zx, zy, zz)
                 S_g = stress_beyond(images, image, S_s, parameters.dimensions)
-                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
-                s = xV_g[3] * slope(wp.sqrt(wp.dot(x_ig, x_ig)) * parameters.inverse_h)
                 if wp.static(balanced):
                     b_sx, b_sy, b_sz = balance_of(balance, source)
                     b = wp.vec3(b_x, b_y, b_z) - images.rotation[image] * wp.vec3(b_sx, b_sy, b_sz)
                     s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
-                by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * (u_vec - u_g))
+                by_stress += s * ((S_i + S_g) * x_ig + 2.0 * between(mu_i, mu_s) * u_ig)
                 k += 1
         inverse_rho_i = V_i / parameters.mass[fluid[i]]
         stress_acceleration_out[i] = inverse_rho_i * parameters.gradient_norm * by_stress

@@ -16,7 +16,7 @@ from functools import cache
 import warp as wp
 
 from .balance import BALANCE, SURFACE_MOMENT, balance_factor, share_inside
-from .images import Images, velocity_beyond
+from .images import Images, ghost_pair
 from .layout import CPU_LAYOUT, Layout, Rows, compiler_options, pack_velocity
 from .parameters import Parameters
 from .rheology import Rheology
@@ -87,6 +87,7 @@ def viscous_acceleration_kernel(
     slope = SMOOTHING[smoothing].slope
     force, between, balance_of = VISCOSITY[form], MEAN[mean], BALANCE[dimensions]
     load, packed, entry = layout.load[dimensions], layout.packed, layout.entry
+    with_ghost = ghost_pair(smoothing, dimensions, layout)
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_options())
     def viscous_acceleration(
@@ -141,20 +142,15 @@ def viscous_acceleration_kernel(
             while k < end:
                 j = entry(neighbour_list, i, k)
                 g = j - particle_count
-                xV_g = place[j]
-                x_s, y_s, z_s, _V_s, u_s, v_s, w_s, mu_s = load(position_volume, velocity_viscosity, ghost_source[g])
-                u_g = velocity_beyond(
-                    images, ghost_image[g], x_vec, u_vec, wp.vec3(x_s, y_s, z_s), wp.vec3(u_s, v_s, w_s)
+                source, image = ghost_source[g], ghost_image[g]
+                s, x_ig, u_ig, mu_s = with_ghost(
+                    parameters, images, position_volume, velocity_viscosity, source, image, place[j], x_vec, u_vec
                 )
-                x_ig = x_vec - wp.vec3(xV_g[0], xV_g[1], xV_g[2])
-                u_ig = u_vec - u_g
-                r2 = wp.dot(x_ig, x_ig)
-                s = xV_g[3] * slope(wp.sqrt(r2) * parameters.inverse_h)
                 if wp.static(balanced):
-                    b_sx, b_sy, b_sz = balance_of(balance, ghost_source[g])
-                    b = wp.vec3(b_x, b_y, b_z) - images.rotation[ghost_image[g]] * wp.vec3(b_sx, b_sy, b_sz)
+                    b_sx, b_sy, b_sz = balance_of(balance, source)
+                    b = wp.vec3(b_x, b_y, b_z) - images.rotation[image] * wp.vec3(b_sx, b_sy, b_sz)
                     s *= balance_factor(b[0], b[1], b[2], x_ig[0], x_ig[1], x_ig[2])
-                A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), r2)
+                A, B = force(between(mu_i, mu_s), dimensions, wp.dot(u_ig, x_ig), wp.dot(x_ig, x_ig))
                 by_viscosity += s * (A * u_ig + B * x_ig)
                 k += 1
 

@@ -7,7 +7,8 @@ import pytest
 import warp as wp
 
 from warpsph.output.checkpoint import read_checkpoint
-from warpsph.scene.scene import Scene, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
 from warpsph.simulation import Simulation
 
 wp.config.log_level = wp.LOG_WARNING  # no line for each module loaded

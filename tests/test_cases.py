@@ -15,7 +15,8 @@ from warpsph.bodies.motion import read_table
 from warpsph.cli import OK, SCENES, main
 from warpsph.output.records import read_record
 from warpsph.placement.place import place
-from warpsph.scene.scene import SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.source import SceneError
 from warpsph.shapes.mesh import read_mesh, solid_mass
 
 CASES = Path(__file__).parent / "cases"

@@ -16,7 +16,7 @@ from warpsph import cli
 from warpsph.cli import BLOWN_UP, INPUT, INVALID, MACHINE, OK, SCENES, STOPPED_EARLY, main
 from warpsph.output.records import read_record
 from warpsph.output.usd_check import check_cache
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 
 # A landslide that takes a second: a fifth of the resolution, a twentieth of the time.
 COARSE = ["--set", "spacing=0.025", "--until", "0.1"]
@@ -247,7 +247,7 @@ def test_blow_up_is_told_and_keeps_the_last_good_frame(tmp_path, capsys):
 def test_a_signal_ends_any_command_with_a_line(name, monkeypatch, capsys):
     if not hasattr(signal, name) or signal.getsignal(getattr(signal, name)) is signal.SIG_IGN:
         pytest.skip("does not come here")
-    monkeypatch.setattr(cli, "_list", lambda _: os.kill(os.getpid(), getattr(signal, name)))
+    monkeypatch.setitem(cli._COMMANDS, "list", lambda _: os.kill(os.getpid(), getattr(signal, name)))
     assert main(["list"]) == STOPPED_EARLY
     assert capsys.readouterr().err == f"stopped {'from the keyboard' if name == 'SIGINT' else f'by {name}'}\n"
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL

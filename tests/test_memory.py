@@ -10,7 +10,7 @@ import warpsph.memory
 from warpsph.cli import MACHINE, SCENES, main
 from warpsph.memory import NoRoomError, counts_of, memory_of, refuse_too_big, rough_counts, with_neighbours
 from warpsph.placement.place import place
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.simulation import Simulation
 
 COLUMN = str(SCENES / "column_3d.yaml")
@@ -31,6 +31,7 @@ def allocated() -> int:
         ("floating_box_3d", ["spacing=0.03"]),
         ("landslide", []),
         ("viscous_dam_break", []),
+        ("braga_pool", []),
     ],
     ids=lambda value: value if isinstance(value, str) else " ".join(value),
 )

@@ -5,7 +5,7 @@ import pytest
 
 from warpsph.kernels.viscosity import VISCOUS_COURANT
 from warpsph.rheology import MARGIN, kinematic_viscosities, legendre_stages, needed_stages, step_in_courants, viscous
-from warpsph.scene.fluids import MOST_STAGES
+from warpsph.scene.numerics import MOST_STAGES
 
 # Relative, for double precision.
 TOLERANCE = 1e-12

@@ -25,7 +25,7 @@ from warpsph.output.records import read_record
 from warpsph.output.usd import UsdCache
 from warpsph.output.usd_check import check_cache
 from warpsph.run import Run
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.shapes.mesh import read_mesh
 
 # A dam break that takes a second, without what is drawn of it.

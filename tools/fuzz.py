@@ -83,7 +83,8 @@ ODD = (None, True, [], {}, [[]], {"a": 1}, [1], "word", [1, 2, 3, 4])
 def bases() -> dict[str, dict[str, Any]]:
     """The scenes that ship, as coarse as they can be placed, and one that has everything."""
     from warpsph.placement.place import place
-    from warpsph.scene.scene import SceneError, load_scene
+    from warpsph.scene.loading import load_scene
+    from warpsph.scene.source import SceneError
 
     found = {"basin": yaml.safe_load(BASIN)}
     for path in sorted((ROOT / "scenes").glob("*.yaml")):

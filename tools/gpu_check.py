@@ -53,7 +53,7 @@ import cases  # noqa: E402
 import stages  # noqa: E402
 
 from warpsph.output.checkpoint import read_checkpoint, write_checkpoint  # noqa: E402
-from warpsph.scene.scene import load_scene  # noqa: E402
+from warpsph.scene.loading import load_scene  # noqa: E402
 from warpsph.simulation import Simulation  # noqa: E402
 
 SCENES = ROOT / "scenes"

@@ -10,7 +10,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _FRONT_DOOR = {
-    "load_scene": "warpsph.scene.scene",
+    "load_scene": "warpsph.scene.loading",
     "Simulation": "warpsph.simulation",
     "Run": "warpsph.run",
     "read_run": "warpsph.output.run_folder",

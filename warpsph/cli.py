@@ -8,7 +8,6 @@ import argparse
 import contextlib
 import json
 import logging
-import math
 import os
 import re
 import signal
@@ -20,15 +19,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import warpsph
+from warpsph.arguments import completion, parser
 from warpsph.output.progress import tell
-from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
-from warpsph.scene.source import nearest, show
+from warpsph.scene.loading import json_schema, load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError, nearest
 
 OK, INVALID, INPUT, BLOWN_UP, MACHINE, STOPPED_EARLY = 0, 1, 2, 3, 4, 5
-
-# No machine has more: threads that share a core get in each other's way.
-MOST_CORES = 1024
 
 _PACKAGE = Path(__file__).parent
 # Beside the package in a wheel, beside its folder in a checkout.
@@ -44,7 +41,11 @@ def main(arguments: Sequence[str] | None = None, began: float | None = None) -> 
     _open_closed_streams()
     if not sys.warnoptions:  # of libraries, about nothing that a user could mend
         warnings.simplefilter("ignore")
-    options = _parser().parse_args(arguments)
+    understood = parser()
+    options = understood.parse_args(arguments)
+    if options.command is None:
+        understood.print_help()
+        return OK
     options.began = time.perf_counter() if began is None else began
     _log_to_terminal()
     with _signals_as_interrupts():
@@ -84,7 +85,7 @@ def _run_command(options: argparse.Namespace) -> int:
     from warpsph.output.claim import FolderError
 
     try:
-        return options.command(options)
+        return _COMMANDS[options.command](options)
     except (SceneError, FolderError, CheckpointError, DeviceError, _InputError) as error:
         return _complain(str(error), INPUT)
     except NoRoomError as error:
@@ -97,166 +98,6 @@ def _run_command(options: argparse.Namespace) -> int:
     except OSError as error:
         folder = getattr(options, "out", None) or getattr(options, "run", None)  # what a write to a file does not tell
         return _complain(f"{error.filename or folder or 'the machine'}: {error.strerror or error}", MACHINE)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
-    parser.add_argument("--version", action="version", version=f"warpsph {warpsph.__version__}")
-    parser.set_defaults(command=lambda _: _help(parser))
-    commands = parser.add_subparsers(metavar="COMMAND")
-
-    def command(name: str, function: Any, help: str) -> argparse.ArgumentParser:
-        one = commands.add_parser(name, help=help, description=help)
-        one.set_defaults(command=function)
-        return one
-
-    scene = command("scene", _scene, "run a scene: records, pictures, a report and a USD cache go to a run folder")
-    check = command(
-        "check",
-        _check,
-        "print counts, memory, time step and time of a scene; a few steps are timed, nothing is written; "
-        "or look for whatever is wrong with the USD cache of a run folder",
-    )
-    scene.add_argument("file", type=Path, metavar="SCENE", help="scene file (YAML), or a name that `list` prints")
-    check.add_argument("file", type=Path, metavar="SCENE", help="the same, or a run folder")
-    check.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the scene as it is set up, too")
-    for one in (scene, check):
-        one.add_argument(
-            "--set", action="append", default=[], metavar="PATH=VALUE", help="override a field of the scene"
-        )
-        one.add_argument("--until", type=_number, metavar="SECONDS", help="end time instead of the scene's [s]")
-    scene.add_argument("--out", type=Path, help="run folder (default: runs/NAME)")
-    scene.add_argument("--overwrite", action="store_true", help="replace the run that the folder holds")
-
-    resume = command("resume", _resume, "go on from the last checkpoint of a run, bit for bit")
-    resume.add_argument("run", type=Path, help="run folder")
-    resume.add_argument("--until", type=_number, metavar="SECONDS", help="end time instead of the scene's [s]")
-    validate = command("validate", _validate, "reproduce the case studies: measured against reference, pass or fail")
-    validate.add_argument("cases", nargs="*", metavar="CASE", help="cases to run (default: all)")
-    validate.add_argument("--list", action="store_true", help="name the cases and run nothing")
-    validate.add_argument("--json", type=Path, metavar="FILE", help="write the results to FILE as well")
-    validate.add_argument("--out", type=Path, default=Path("runs/validate"), help="folder for the runs")
-    for one in (scene, check, resume, validate):
-        one.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
-        one.add_argument("--threads", type=_cores, help="CPU threads (default: all cores)")
-
-    surface = command("surface", _surface, "make a mesh of the water's surface, frame by frame, in the cache of a run")
-    surface.add_argument("run", type=Path, help="run folder")
-    surface.add_argument("--threads", type=_cores, default=os.cpu_count() or 1, help="CPU threads (default: all cores)")
-
-    sweep = command(
-        "sweep", _sweep, "run a scene many times with fields varied: all combinations, or samples of ranges"
-    )
-    sweep.add_argument("file", type=Path, metavar="SCENE", help="scene file (YAML), or a name that `list` prints")
-    sweep.add_argument(
-        "--set", action="append", default=[], metavar="PATH=A,B,C", help="values of a field, or its range LOW:HIGH"
-    )
-    sweep.add_argument("--until", type=_number, metavar="SECONDS", help="end time instead of the scene's [s]")
-    sweep.add_argument("--samples", type=_positive, help="a Latin hypercube of so many members in the ranges")
-    sweep.add_argument("--seed", type=_whole, default=0, help="of the samples (default: 0)")
-    sweep.add_argument("--out", type=Path, help="folder for the members (default: runs/NAME_sweep)")
-    sweep.add_argument("--workers", type=_cores, help="members at a time; they share the cores (default: a core each)")
-    sweep.add_argument("--device", default="cpu", help="cpu (default), cuda, cuda:1, ...")
-    sweep.add_argument(
-        "--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs the members, such as tcp://..."
-    )
-
-    compare = command("compare", _compare, "lay the gauges of runs over each other, with how far each is off the first")
-    compare.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folders, two or more")
-    compare.add_argument("--out", type=Path, default=Path("compare.html"), help="the page (default: compare.html)")
-
-    report = command("report", _report, "write the HTML page of a run again")
-    report.add_argument("run", type=Path, help="run folder")
-    screen = command(
-        "screen", _screen, "the wave of a slide by the hand formulae of VAW-Mitteilungen 254 (2019), with their limits"
-    )
-    for name, words in {
-        "speed": "of the slide's centre at the impact [m/s]",
-        "thickness": "of the slide [m]",
-        "depth": "of still water [m]",
-        "slope": "of its path [degrees]",
-        "density": "of the slide with its pores [kg/m3]",
-        "width": "of the slide, in a channel of this [m]",
-        "volume": "of the slide with its pores [m3]",
-    }.items():
-        screen.add_argument(f"--{name}", type=_above_zero, required=True, metavar="NUMBER", help=words)
-    screen.add_argument(
-        "--distance", type=_above_zero, metavar="NUMBER", help="a place to tell the wave of as well [m]"
-    )
-    screen.add_argument("--basin", action="store_true", help="waves that spread in a basin, not in a channel")
-    screen.add_argument(
-        "--angle", type=_number, default=0.0, metavar="NUMBER", help="from the slide's axis, of a basin"
-    )
-    command("list", _list, "name the scenes that ship with warpsph")
-    command("schema", _schema, "print the JSON Schema of a scene file, for editors")
-    completion = command(
-        "completion", lambda _: _completion(commands.choices), "print what completes these words in a shell"
-    )
-    completion.add_argument("shell", choices=("bash", "zsh"), help='eval "$(warpsph completion bash)" in ~/.bashrc')
-    return parser
-
-
-def _completion(commands: dict[str, argparse.ArgumentParser]) -> int:
-    """Print a function of bash, which zsh takes too, that completes commands, options, scenes that ship, and files."""
-    options = {
-        name: " ".join(word for action in parser._actions for word in action.option_strings)
-        for name, parser in commands.items()
-    }
-    scenes = " ".join(sorted(path.stem for path in SCENES.glob("*.yaml")))
-    cases = "\n".join(f"    {name}) words='{words}' ;;" for name, words in options.items())
-    _print(f"""\
-[ -n "$ZSH_VERSION" ] && autoload -U +X bashcompinit && bashcompinit
-_warpsph() {{
-  local word="${{COMP_WORDS[COMP_CWORD]}}" words=''
-  if [ "$COMP_CWORD" -eq 1 ]; then
-    COMPREPLY=($(compgen -W '{" ".join(commands)} --help --version' -- "$word")); return
-  fi
-  case "${{COMP_WORDS[1]}}" in
-{cases}
-  esac
-  case "${{COMP_WORDS[1]}}" in scene|check) [ "$COMP_CWORD" -eq 2 ] && words="$words {scenes}" ;; esac
-  COMPREPLY=($(compgen -W "$words" -- "$word") $(compgen -f -- "$word"))
-}}
-complete -o filenames -F _warpsph warpsph""")
-    return OK
-
-
-def _help(parser: argparse.ArgumentParser) -> int:
-    parser.print_help()
-    return OK
-
-
-def _positive(text: str) -> int:
-    return _whole(text, least=1)
-
-
-def _cores(text: str) -> int:
-    return _whole(text, 1, MOST_CORES)
-
-
-def _whole(text: str, least: int = 0, most: float = math.inf) -> int:
-    if not re.fullmatch(r"\s*[-+]?[0-9]{1,18}\s*", text):
-        raise argparse.ArgumentTypeError(f"a whole number is needed, not {show(text)}")
-    value = int(text)
-    if value < least:
-        raise argparse.ArgumentTypeError(f"must be {least} or more, not {value}")
-    if value > most:
-        raise argparse.ArgumentTypeError(f"must be {most:g} or less, not {value}")
-    return value
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"a number is needed, not {show(text)}") from None
-
-
-def _above_zero(text: str) -> float:
-    value = _number(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be more than 0, not {text}")
-    return value
 
 
 def _complain(message: str, code: int) -> int:
@@ -361,7 +202,8 @@ def _resume(options: argparse.Namespace) -> int:
 
 
 def _finish(run: Any) -> int:
-    from warpsph.run import BLEW_UP, STOPPED
+    from warpsph.output.run_folder import BLEW_UP, STOPPED
+    from warpsph.output.summary import summary
 
     facts = run.execute()
     told, complaint, code = summary(facts, run.folder), "", OK
@@ -373,72 +215,6 @@ def _finish(run: Any) -> int:
         log.write("\n".join(filter(None, (told, complaint))) + "\n")
     _print(told)
     return _complain(complaint, code) if complaint else OK
-
-
-def summary(facts: dict[str, Any], folder: Path) -> str:
-    """What a run came to, for the terminal."""
-    speed, conservation = facts["speed"], facts["conservation"]
-    lines = [
-        f"{facts['title']}: {facts['outcome']} at t = {facts['time [s]']:g} s",
-        f"  particles       {facts['counts']['particles']:,} and {facts['counts']['wall points']:,} wall points",
-        f"  steps           {speed['steps']:,}, {speed['particle updates per second'] / 1e6:.2f} M particle-updates/s",
-        f"  first steps     {speed['seconds to the first steps']:.1f} s after the start",
-        f"  whole run       {speed['seconds, all output included']:.1f} s, all output included",
-        f"  mass            {conservation['mass / mass placed']:.9f} of what was placed",
-        f"  behind walls    {facts['particles behind walls']:,} particles",
-    ]
-    if left := facts.get("left"):
-        unit = next(name for name in left if name.startswith("volume"))
-        lines.append(
-            f"  left the tank   {left['particles']:,} particles, {left[unit]:.3g} {unit[8:-1]}, "
-            f"{left['share of all particles']:.2%} of all, from t = {left['first [s]']:.3f} s on (left.csv)"
-        )
-        if left["dropped as absurd"]:
-            lines.append(f"  dropped         {left['dropped as absurd']:,} of these, which had become absurd")
-    if "energy drift / converted" in conservation:
-        lines.append(
-            f"  energy sum      drifts by {conservation['energy drift / converted']:.2%} of the energy converted"
-        )
-    for name, gauge in facts["gauges"].items():
-        lines.append(
-            f"  gauge {name:<9} crest {gauge['crest amplitude [m]']:.4f} m above {gauge['still level [m]']:.4f} m "
-            f"at t = {gauge['crest time [s]']:.3f} s{', still rising' if gauge.get('still rising') else ''}"
-        )
-    lines += _train_lines(facts.get("wave train", {}))
-    for name, impact in facts.get("impacts", {}).items():
-        lines.append(
-            f"  impact of {name:<5} {impact['speed [m/s]']:.3f} m/s at t = {impact['time [s]']:.3f} s, "
-            f"Froude number {impact['Froude number']:.3f}, {impact['kinetic energy [J/m]']:.1f} J/m"
-        )
-    for name, wave in facts.get("waves", {}).items():
-        kinetic, potential = wave["kinetic energy [J/m]"], wave["potential energy [J/m]"]
-        crest, period = wave["crest amplitude [m]"], wave["period [s]"]
-        celerity = f", celerity {wave['celerity [m/s]']:.3f} m/s" if "celerity [m/s]" in wave else ""
-        lines += [
-            f"  wave at {name:<7} crest {crest:.4f} m, period {period:.2f} s{celerity}",
-            f"{'':<18}solitary with R2 = {wave['likeness to a solitary wave, R2']:.3f}",
-            f"{'':<18}kinetic {kinetic:.2f} and potential {potential:.2f} J/m, "
-            f"{wave['energy / kinetic energy of the impact']:.1%} of the energy of the impact",
-        ]
-    lines.append(f"  results         {folder}/report.html, {folder}/usd/scene.usda, {folder}/gauges/")
-    return "\n".join(lines)
-
-
-def _train_lines(train: dict[str, Any]) -> list[str]:
-    """What a wave maker made, for the terminal."""
-    gauges, lines = train.get("gauges", {}), []
-    if isinstance(gauges, str):
-        return [f"  wave train      {gauges}"]
-    for name, gauge in gauges.items():
-        period = f", period {gauge['period [s]']:.3f} s" if "period [s]" in gauge else ""
-        share = gauge["height / asked for"]
-        lines.append(
-            f"  waves at {name:<6} height {gauge['height [m]']:.4f} m{period}, {share:.1%} of what was asked for"
-        )
-    if "reflection" in train:
-        found = train["reflection"]
-        lines.append(f"  reflection      {found['coefficient']:.1%}, by {found['gauges']}")
-    return lines
 
 
 def _check(options: argparse.Namespace) -> int:
@@ -651,6 +427,11 @@ def _screen(options: argparse.Namespace) -> int:
     return OK
 
 
+def _completion(options: argparse.Namespace) -> int:
+    _print(completion(sorted(path.stem for path in SCENES.glob("*.yaml"))))
+    return OK
+
+
 def _list(options: argparse.Namespace) -> int:
     for path in sorted(SCENES.glob("*.yaml")):
         _print(f"{path.stem:<18} {load_scene(path).title}")
@@ -661,3 +442,19 @@ def _list(options: argparse.Namespace) -> int:
 def _schema(options: argparse.Namespace) -> int:
     _print(json.dumps(json_schema(), indent=2))
     return OK
+
+
+_COMMANDS = {
+    "scene": _scene,
+    "check": _check,
+    "resume": _resume,
+    "validate": _validate,
+    "surface": _surface,
+    "sweep": _sweep,
+    "compare": _compare,
+    "report": _report,
+    "screen": _screen,
+    "list": _list,
+    "schema": _schema,
+    "completion": _completion,
+}

@@ -12,8 +12,9 @@ from warpsph.placement.origin import localised
 from warpsph.placement.place import Start
 from warpsph.placement.sound import Need, chosen_sound, with_sound
 from warpsph.rheology import kinematic_viscosities, viscous
-from warpsph.scene.scene import Scene, SceneError
-from warpsph.schemes.weakly_compressible import WeaklyCompressible
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
+from warpsph.schemes.choice import scheme_of
 from warpsph.simulation import Simulation, place_within
 
 
@@ -71,7 +72,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
         seconds * count / simulation.model.particle_count for seconds in _time_steps(simulation)
     )
     del simulation
-    dt = WeaklyCompressible.longest_step(scene, law, start.top_speed)
+    dt = scheme_of(scene).longest_step(scene, law, start.top_speed)
     duration = scene.run.end_time - scene.start_time
     shrinking, lists_a_step = _rehearse(scene, launcher, count, duration / dt * step_seconds)
     return Forecast(
@@ -162,5 +163,7 @@ def _rehearse(scene: Scene, launcher: Launcher, count: int, seconds: float) -> t
     gone, steps = simulation.time - scene.start_time, simulation.step_count
     if not gone:
         return 1.0, 0.0
-    dt = WeaklyCompressible.longest_step(simulation.scene, simulation.model.viscous, simulation.start.top_speed)
+    dt = scheme_of(simulation.scene).longest_step(
+        simulation.scene, simulation.model.viscous, simulation.start.top_speed
+    )
     return max(1.0, steps * dt / gone), step.neighbours.rebuilds / steps

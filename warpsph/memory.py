@@ -21,10 +21,11 @@ from warpsph.placement.origin import localised
 from warpsph.placement.place import Placement
 from warpsph.placement.sound import round_up
 from warpsph.rheology import Viscous, viscous
-from warpsph.scene.scene import Scene, wants_lists
+from warpsph.scene.contradictions import wants_lists
+from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.wall import Wall
 from warpsph.step.bodies import MOST_MOTION
 
 # Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].
@@ -124,7 +125,7 @@ def rough_counts(scene: Scene) -> Counts:
     for fluid in scene.fluids:
         if fluid.fill:
             bed = walls[names.index(fluid.fill.above)]
-            lower, upper = _box_of(scene, bed)
+            lower, upper = bed.box()
             upper[2] = fluid.fill.level
             if fluid.fill.between:
                 lower[0], upper[0] = np.clip(fluid.fill.between, lower[0], upper[0])
@@ -135,21 +136,13 @@ def rough_counts(scene: Scene) -> Counts:
             particles += body.volume / scene.spacing**scene.dimensions
             corner = body.first_corner()
             corners.append(corner)
-    corners += [corner for wall in walls for corner in _box_of(scene, wall)]
+    corners += [corner for wall in walls for corner in wall.box()]
     points = sum(one.area for one in walls) / scene.wall_spacing ** (scene.dimensions - 1)
     points *= _layers(scene) if has_dummies(scene) else 1.0
     return Counts(particles, points, 0.5 * points, 0.0, 0.0, (np.min(corners, axis=0), np.max(corners, axis=0)))
 
 
-def _box_of(scene: Scene, wall: Sheet | Crate) -> tuple[Array, Array]:
-    if isinstance(wall, Crate):
-        return wall.low.copy(), wall.high.copy()
-    x, z = wall.outline.polygon().T
-    y = wall.width or (0.0, 0.0)
-    return np.array([x.min(), y[0], z.min()]), np.array([x.max(), y[1], z.max()])
-
-
-def _filled(scene: Scene, bed: Sheet | Crate, lower: Array, upper: Array) -> float:
+def _filled(scene: Scene, bed: Wall, lower: Array, upper: Array) -> float:
     """Volume, in 2-D area, of the part of a box that a wall carries [m3 or m2]."""
     size = np.maximum(upper - lower, 0.0)
     count = [64, 1 if scene.dimensions == 2 else 8, 64]
@@ -181,6 +174,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
     a_particle += 12.0 * (scene.density_diffusion.model in BY_GRADIENT) + 24.0 * averages
     a_particle += 8.0 * (scene.density_filter.model != "none") + 4.0 * (scene.shifting.model != "none")
     a_particle += 4.0  # first wall point
+    a_particle += 16.0 * (scene.scheme == "mueller")  # half a step's velocity, impulses of walls; no rates
     if law:
         a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
         a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced + 16.0 * has_dummies(scene)

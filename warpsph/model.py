@@ -22,7 +22,7 @@ from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
 from warpsph.scene.fluids import Material
 from warpsph.scene.scene import Scene
-from warpsph.shapes.surface import BLOCK, around
+from warpsph.shapes.points import BLOCK, around
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
 # loop (1 + skin)^2, a shorter one costs a rebuild more often.
@@ -32,6 +32,8 @@ SKIN = 0.1
 WALL_SKIN = {2: 0.4, 3: 0.15}
 # How far bodies may move before their dummies are listed anew, in supports.
 BODY_SKIN = 0.2
+# The radius of the lists of the scheme mueller, over h, at which its kernels end.
+MUELLER_REACH = 1.6
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
 ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
@@ -84,6 +86,8 @@ class Model:
         self.skin = SKIN * self.support
         capacity, self.list_radius = list_capacity(scene)
         self.wall_skin = WALL_SKIN[scene.dimensions] * self.support
+        if scene.scheme == "mueller":
+            self.skin, self.wall_skin = self.list_radius - scene.smoothing_length, math.inf  # its walls are no points
         self.has_dummies = has_dummies(scene)
         self.body_skin = body_skin(scene)
         self.wall_radius = wall_radius(scene)
@@ -161,6 +165,8 @@ class Model:
         p.courant = scene.run.courant
         p.least_compression, p.most_compression = LEAST_COMPRESSION, MOST_COMPRESSION
         p.lower, p.upper = domain(placement, 2.0 * h)
+        if scene.wall_model.force == "reflecting":  # which brings back whatever goes through
+            p.lower, p.upper = wp.vec3(-math.inf), wp.vec3(math.inf)
 
         def table(values: list[float]) -> wp.array:
             return wp.array(np.array(values, dtype=np.float32), device=self.launcher.device)
@@ -208,6 +214,8 @@ def list_capacity(scene: Scene) -> tuple[int, float]:
     """How many neighbours a row has room for at first, and the radius of the lists [m]."""
     support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
     radius = support + SKIN * support
+    if scene.scheme == "mueller":  # whose pairs reach half as far as the kernel that instruments read with
+        radius = MUELLER_REACH * scene.smoothing_length
     spacings = radius / scene.spacing
     return math.ceil(ROOM * (math.pi * spacings**2 if scene.dimensions == 2 else 4.19 * spacings**3)), radius
 

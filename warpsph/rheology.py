@@ -10,7 +10,7 @@ import warp as wp
 from warpsph.kernels.artificial_viscosity import artificial_share
 from warpsph.kernels.rheology import Rheology
 from warpsph.kernels.viscosity import VISCOUS_COURANT
-from warpsph.scene.fluids import MOST_STAGES, ViscosityField
+from warpsph.scene.numerics import MOST_STAGES, ViscosityField
 from warpsph.scene.scene import Scene
 
 # Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.
@@ -92,10 +92,10 @@ class Viscous:
 
 
 def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
-    """The viscosity of the scene's fluids; None where no material has one of its own."""
+    """The viscosity of the scene's fluids; None where no material has one of its own, or its scheme sees to it."""
     materials = [scene.materials[fluid.material] for fluid in scene.fluids]
     laws = [material.viscosity for material in materials]
-    if not any(laws):
+    if not any(laws) or scene.scheme != "weakly_compressible":  # others have a way of their own
         return None
 
     def table(values: list[float]) -> wp.array:

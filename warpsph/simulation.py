@@ -16,7 +16,7 @@ from warpsph.placement.place import Placement, Start, place
 from warpsph.placement.sound import with_sound
 from warpsph.rheology import Viscous, viscous
 from warpsph.scene.scene import Scene
-from warpsph.schemes.weakly_compressible import WeaklyCompressible
+from warpsph.schemes.choice import scheme_of
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
 from warpsph.step.leaving import Leaving
@@ -56,7 +56,7 @@ def place_within(scene: Scene, device: wp.Device) -> Placement:
 
 def refuse_endless(scene: Scene, viscous: Viscous | None) -> None:
     """Raises SceneError where the longest step of all would be taken too often."""
-    dt = WeaklyCompressible.longest_step(scene, viscous)
+    dt = scheme_of(scene).longest_step(scene, viscous)
     steps = (scene.run.end_time - scene.start_time) / dt
     if min(steps, scene.run.max_steps or math.inf) > MOST_STEPS:
         raise scene.error("run.end_time", f"needs {steps:.1e} steps of {dt:.1e} s, more than {MOST_STEPS:.0e}")
@@ -87,9 +87,10 @@ class Simulation:
         self.start = Start.of(placement)
         self.model = Model(scene, placement, self.launcher)
         del placement  # the state copies what it needs, and lets go of it before it allocates the rest
-        self.state = State(self.model, WeaklyCompressible.fields)
+        chosen = scheme_of(scene)
+        self.state = State(self.model, chosen.fields)
         self.bodies = Coupling(self.model, self.state, self.start) if scene.bodies else None
-        scheme = WeaklyCompressible(self.model, self.state, self.bodies)
+        scheme = chosen(self.model, self.state, self.bodies)
         self.step = Step(self.model, self.state, scheme, self.bodies)
         read = (self.model, self.state, self.step.neighbours)
         self.gauges = Gauges(*read)

@@ -30,7 +30,9 @@ from warpsph.output.gauge_waves import describe_gauge
 from warpsph.output.pages import is_ours, write_table
 from warpsph.output.plots import line_colors, name_lines, small_plot
 from warpsph.output.records import read_records
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 
 ATTEMPTS = 3  # of a member whose process is killed
 PERIOD = 0.1  # at which processes are looked after [s]
@@ -185,7 +187,7 @@ def share_cores(workers: int | None, cores: int) -> tuple[int, int]:
 
 def run_locally(
     file: Path, todo: Sequence[Member], folder: Path, *, workers: int, threads: int, device: str
-) -> Iterator[MemberResult]:
+) -> Generator[MemberResult]:
     """Run members in processes of their own, `workers` at a time; one that is killed is begun anew."""
     waiting = [(member, 1) for member in todo]
     running: dict[subprocess.Popen[str], tuple[Member, int]] = {}
@@ -220,7 +222,7 @@ def run_locally(
             process.wait()
 
 
-def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Iterator[MemberResult]:
+def run_on_cluster(todo: Sequence[Member], folder: Path, *, address: str, device: str) -> Generator[MemberResult]:
     """Run members on the workers of a Dask cluster, one at a time on each, with all of its threads.
 
     Raises SweepError where there is no Dask, or no cluster at `address`.
@@ -285,7 +287,7 @@ def _mark(member: Member, folder: Path) -> None:
 
 def sweep(
     todo: Sequence[Member], folder: Path, run: Callable[[Sequence[Member]], Iterator[MemberResult]]
-) -> Generator[MemberResult, None, None]:
+) -> Generator[MemberResult]:
     """All members in turn: those that are done or refused at once, the others as `run` ends them.
 
     Raises SweepError, before anything is run, where the results would take the place of what no sweep has written.

@@ -7,7 +7,8 @@ import pytest
 
 from warpsph.bodies.wave_maker import in_words
 from warpsph.placement.place import place
-from warpsph.scene.scene import Scene, SceneError
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 from warpsph.theory.waves import paddle_ratio, solitary_stroke, wavenumber
 

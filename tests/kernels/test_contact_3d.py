@@ -9,10 +9,11 @@ from warpsph.bodies.body import Body
 from warpsph.bodies.body_set import rotation
 from warpsph.bodies.contact_geometry import contact_depth, contact_legs, corners_at, edges_at, facet_legs, joined
 from warpsph.bodies.facets import crate_facets, facets, sheet_edges
+from warpsph.shapes.crate import Crate
 from warpsph.shapes.mesh import Mesh, box_mesh, solid_mass, solid_mesh, sphere_mesh, winding_number
 from warpsph.shapes.outline import Line, Outline
 from warpsph.shapes.sampling import surface_of_mesh
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.sheet import Sheet
 
 # What the issue asks of contact: relative.
 TOLERANCE = 0.01

@@ -30,6 +30,7 @@ from warpsph.kernels.images import list_ghosts_kernel
 from warpsph.kernels.instruments import probe_kernel
 from warpsph.kernels.layout import CPU_LAYOUT, CUDA_LAYOUT
 from warpsph.kernels.loads import body_points_kernel, reaction_kernel
+from warpsph.kernels.mueller import forces_kernel, summed_density_kernel
 from warpsph.kernels.neighbours import (
     copy_kernel,
     gather_kernel,
@@ -119,6 +120,8 @@ FACTORIES: dict[Callable[..., wp.Kernel], list[tuple]] = {
         ("wendland_c2", "harmonic", 3, CUDA_LAYOUT, False, True),
     ],
     apparent_viscosity_kernel: list(product(RHEOLOGY, REGULARISATION)),
+    summed_density_kernel: [(CUDA_LAYOUT,)],
+    forces_kernel: [(CUDA_LAYOUT,)],
     copy_kernel: STATE_TYPES,
     wall_points_kernel: [(False,), (True,)],
     gather_kernel: STATE_TYPES,

@@ -9,7 +9,7 @@ import warp as wp
 from warpsph.kernels.walls import BY_LEG, WALL_FORCE, wall_acceleration_kernel
 from warpsph.shapes.outline import Bend, Line, Outline
 from warpsph.shapes.points import in_plane, in_space
-from warpsph.shapes.surface import Sheet
+from warpsph.shapes.sheet import Sheet
 
 # Single precision: relative to the largest acceleration of the test.
 TOLERANCE = 2e-5

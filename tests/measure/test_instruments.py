@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpsph.scene.scene import SceneError
+from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 
 G, RHO, LEVEL = 9.81, 1000.0, 0.2

@@ -9,7 +9,7 @@ import pytest
 import warpsph.model
 from warpsph.placement.images import find_images
 from warpsph.placement.place import place
-from warpsph.scene.scene import SceneError
+from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 from warpsph.step.ghosts import Ghosts
 

@@ -13,7 +13,9 @@ from warpsph.placement.origin import PLACES, find_origin, localised
 from warpsph.placement.place import place
 from warpsph.run import Run
 from warpsph.scene.fields import Part
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))

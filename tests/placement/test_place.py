@@ -9,9 +9,11 @@ import yaml
 
 from warpsph.placement.drawing import wall_outline
 from warpsph.placement.place import drop_height, near, place
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.shapes.outline import Bend, Line, Outline
-from warpsph.shapes.surface import contains
+from warpsph.shapes.points import inside_polygon
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
 TANK = {"name": "tank", "path": [[0.0, 2.0], [0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]}
@@ -205,7 +207,7 @@ def test_contains_by_the_even_odd_rule():
     bent = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [2.0, 3.0], [2.0, 1.0], [0.0, 1.0]])
     points = np.array([[0.5, 0.5], [2.5, 2.5], [1.0, 2.0], [-1.0, 0.5], [2.5, 3.5]])
     for polygon in (bent, bent[::-1], np.roll(bent, 2, axis=0)):
-        np.testing.assert_array_equal(contains(polygon, points), [True, True, False, False, False])
+        np.testing.assert_array_equal(inside_polygon(points, polygon), [True, True, False, False, False])
 
 
 # --------------------------------------------------------------------------------------------------------------- fluids

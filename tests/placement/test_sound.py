@@ -5,7 +5,7 @@ import math
 import pytest
 
 from warpsph.placement.sound import chosen_sound, with_sound
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.scene.source import SceneError
 
 G, DEPTH, FLOOR = 9.81, 0.3, -0.1

@@ -9,9 +9,10 @@ import pytest
 import yaml
 
 from warpsph.placement.place import place
-from warpsph.scene.scene import Scene, SceneError, json_schema, load_scene
+from warpsph.scene.loading import json_schema, load_scene
+from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Corner
-from warpsph.scene.source import read_yaml
+from warpsph.scene.source import SceneError, read_yaml
 
 SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.yaml"))
 MANUAL = (Path(__file__).parents[2] / "scenes" / "README.md").read_text(encoding="utf-8")
@@ -99,7 +100,8 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "\n  end_time: 1.0\n  qqq: 2",
-            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, integrator, max_steps, absurd",
+            "tank.yaml:16: run.qqq: no such field; it can be end_time, courant, time_step, integrator, max_steps, "
+            "absurd",
         ),
         (
             "title: A tank",
@@ -122,7 +124,7 @@ def test_an_anchor_is_its_value(load):
         (
             "{end_time: 1.0}",
             "{end_time: 1.0, '': 5}",
-            "tank.yaml:14: run: no such field; it can be end_time, courant, integrator, max_steps, absurd",
+            "tank.yaml:14: run: no such field; it can be end_time, courant, time_step, integrator, max_steps, absurd",
         ),
         # types
         ("spacing: 0.1", "spacing: thin", "tank.yaml:2: spacing: a number is needed, not 'thin'"),

@@ -13,7 +13,7 @@ from warpsph.cli import SCENES
 from warpsph.device import blocks
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.place import place
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.simulation import Simulation
 
 # Relative, for sums over steps and particles in single precision. What must agree bit for bit has no tolerance.

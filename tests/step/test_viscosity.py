@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpsph.placement.place import place
-from warpsph.scene.scene import SceneError
+from warpsph.scene.source import SceneError
 from warpsph.schemes.weakly_compressible import WeaklyCompressible
 from warpsph.simulation import Simulation
 from warpsph.step.step import Step

@@ -8,7 +8,7 @@ import pytest
 from warpsph.cli import SCENES
 from warpsph.kernels.walls import BY_LEG, WALL_FORCE
 from warpsph.measure.leaks import behind_walls
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.scene.source import SceneError
 from warpsph.simulation import Simulation
 

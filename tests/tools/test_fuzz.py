@@ -3,7 +3,8 @@
 import fuzz
 import pytest
 
-from warpsph.scene.scene import SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.source import SceneError
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import cases
 import gpu_check
 import pytest
 
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 
 ROOT = Path(__file__).parents[2]
 

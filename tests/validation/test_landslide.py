@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpsph.cli import SCENES
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.theory.impulse import Slide, far_channel
 from warpsph.validation.landslide import by_hand
 

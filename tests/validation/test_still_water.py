@@ -6,7 +6,7 @@ import pytest
 
 from warpsph.cli import SCENES
 from warpsph.run import Run
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.validation.still_water import measure_still_water
 
 AT_ONCE = ["run.end_time=5e-4", "output.pictures=false", "output.usd=false"]

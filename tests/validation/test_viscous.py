@@ -5,7 +5,7 @@ import pytest
 
 from warpsph.cli import SCENES
 from warpsph.run import Run
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.validation import CASES, Series
 from warpsph.validation.viscous import (
     PATCH,

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from warpsph.scene.scene import Scene, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 

@@ -21,7 +21,8 @@ from typing import get_args
 import numpy as np
 
 from warpsph.scene.boundaries import WallModel
-from warpsph.scene.scene import Scene, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
 from warpsph.scene.source import SceneError
 from warpsph.simulation import BlowUpError, Simulation
 

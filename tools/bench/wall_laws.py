@@ -23,7 +23,8 @@ from noise import neighbours, pressure_noise
 
 from warpsph.measure.leaks import behind_walls
 from warpsph.scene.boundaries import WallModel
-from warpsph.scene.scene import Scene, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
 from warpsph.scene.source import SceneError
 from warpsph.simulation import BlowUpError, Simulation
 

@@ -12,9 +12,10 @@ import numpy as np
 from warpsph.bodies.body import Body
 from warpsph.bodies.facets import FacetEdges, Facets, crate_facets, facets, sheet_edges
 from warpsph.kernels import contact as contact_kernels
+from warpsph.shapes.crate import Crate
 from warpsph.shapes.outline import Bend, Line, Outline, counter_clockwise, reversed_outline
 from warpsph.shapes.points import Array, spatial
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.sheet import Sheet
 
 
 @dataclass(frozen=True)

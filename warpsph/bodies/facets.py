@@ -12,10 +12,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from warpsph.shapes.crate import Crate
 from warpsph.shapes.outline import Bend, Line, reversed_outline
 from warpsph.shapes.points import Array
 from warpsph.shapes.sampling import along_curve
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.sheet import Sheet
 
 # Neighbouring triangles whose normals differ by less are one flat face [rad].
 FLAT = 1e-3

@@ -13,7 +13,7 @@ from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.model import Model
 from warpsph.placement.drawing import wall_surface
 from warpsph.shapes.points import Array
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.wall import Wall
 from warpsph.state import State
 from warpsph.step.neighbours import Neighbours
 
@@ -125,33 +125,13 @@ def wall_shares(model: Model) -> tuple[Array, Array]:
     return h * q, 0.5 + 0.5 * share / share[-1]
 
 
-def bed_below(x: float, y: float, walls: Sequence[Sheet | Crate], sides: Sequence[int], otherwise: float) -> float:
+def bed_below(x: float, y: float, walls: Sequence[Wall], sides: Sequence[int], otherwise: float) -> float:
     """Height of the highest wall over which there may be fluid at (x, y) [m]; `otherwise` where there is none.
 
     `sides` are those of the walls on which the fluid is: a lid carries none.
     """
-    found = []
-    for wall, side in zip(walls, sides, strict=True):
-        if isinstance(wall, Crate):
-            within = wall.low[0] <= x <= wall.high[0] and wall.low[1] <= y <= wall.high[1]
-            face = (2, 0) if side > 0 else (2, 1)
-            if side and within and face in wall.sides():
-                found.append(float((wall.low if side > 0 else wall.high)[2]))
-            continue
-        if wall.width and not wall.width[0] <= y <= wall.width[1]:
-            continue
-        found += _carrying(wall.outline.polygon(), x, side)
+    found = [height for wall, side in zip(walls, sides, strict=True) for height in wall.floors(x, y, side)]
     return max(found, default=otherwise)
-
-
-def _carrying(line: Array, x: float, side: int) -> list[float]:
-    """Heights at which a polyline [k, 2] runs below fluid at x, which is on its left (1) or on its right (-1) [m]."""
-    (ax, az), (bx, bz) = line[:-1].T, line[1:].T
-    way = side * (bx - ax)
-    # The left of a leg that runs along x is above it.
-    crossed = (np.minimum(ax, bx) <= x) & (x <= np.maximum(ax, bx)) & (way > 0.0)
-    share = (x - ax[crossed]) / (bx - ax)[crossed]
-    return (az[crossed] + share * (bz - az)[crossed]).tolist()
 
 
 def surface(heights: np.ndarray, fraction: np.ndarray, thick: int) -> float:

@@ -8,9 +8,7 @@ integral of that pressure over its surface: what rubs along the wall is not in i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -24,8 +22,8 @@ from warpsph.model import Model
 from warpsph.placement.drawing import wall_surface
 from warpsph.scene.instruments import Force, RunUp
 from warpsph.scene.scene import Scene
-from warpsph.shapes.points import Array, in_space, spatial
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.points import Array, spatial
+from warpsph.shapes.wall import WallPart
 from warpsph.state import State
 from warpsph.step.bodies import Coupling
 from warpsph.step.neighbours import Neighbours
@@ -41,23 +39,6 @@ LEAST_WET, MOST_WET = 0.1, 0.4
 LEAST_RUN, MOST_GAP = 3.0, 1.0
 # Points of a wall in a spacing, along each way.
 POINTS_PER_SPACING = {2: 2.0, 3: 1.0}
-
-
-@dataclass(frozen=True)
-class WallPart:
-    """Points over a part of a wall.
-
-    Attributes:
-        points: [m], shape [n, 3].
-        normals: Unit normals towards the fluid, 0 where there is fluid on both sides, shape [n, 3].
-        areas: That each stands for [m2, in 2-D m], shape [n].
-        along: How far along the outline of the wall each lies [m], shape [n]; not a number on a box in space.
-    """
-
-    points: Array
-    normals: Array
-    areas: Array
-    along: Array
 
 
 class Instruments:
@@ -280,67 +261,13 @@ def part_of_wall(scene: Scene, path: str, part: Force | RunUp, sides: Sequence[i
         low, high = spatial(part.part.min) - reach, spatial(part.part.max) + reach
         if scene.dimensions == 2:
             low[1], high[1] = -np.inf, np.inf
-    if isinstance(wall, Sheet):
-        surface = _pieces_of_sheet(wall, spacing, low, high)
-    else:
-        surface = _pieces_of_crate(wall, spacing, low, high)
+    surface = wall.pieces(spacing, low, high)
     kept = surface.areas > 1e-4 * surface.areas.max()  # but for slivers that rounding leaves
     if not kept.any() or not surface.areas.any():
         raise scene.error(f"{path}.part", f"there is nothing of wall '{part.wall}' in it")
     return WallPart(
         surface.points[kept], (surface.normals * sides[index])[kept], surface.areas[kept], surface.along[kept]
     )
-
-
-def _pieces_of_sheet(wall: Sheet, spacing: float, low: Array, high: Array) -> WallPart:
-    """Pieces of a wall that is drawn in the x-z plane; of each the area in the box from `low` to `high`."""
-    points, normals, lengths, along, gone = [], [], [], [], 0.0
-    for leg in wall.outline.legs:
-        count = max(1, math.ceil(leg.length / spacing - 1e-9))
-        middles = (np.arange(count) + 0.5) / count
-        places = leg.points((np.arange(8 * count) + 0.5) / (8 * count))
-        inside = np.all((places >= low[[0, 2]]) & (places <= high[[0, 2]]), axis=1).reshape(count, 8)
-        points.append(leg.points(middles))
-        normals.append(leg.normals(middles))
-        lengths.append(leg.length / count * inside.mean(axis=1))
-        along.append(gone + leg.length * middles)
-        gone += leg.length
-    plane, across, length, station = map(np.concatenate, (points, normals, lengths, along))
-    if not wall.width:
-        return WallPart(in_space(plane), in_space(across), length, station)
-    y, width = _middles(*wall.width, spacing, low[1], high[1])
-    return WallPart(
-        np.concatenate([in_space(plane, one) for one in y]),
-        np.tile(in_space(across), (len(y), 1)),
-        np.outer(width, length).ravel(),
-        np.tile(station, len(y)),
-    )
-
-
-def _pieces_of_crate(wall: Crate, spacing: float, low: Array, high: Array) -> WallPart:
-    """Pieces of the faces of a box; of each the area in the box from `low` to `high`."""
-    points, normals, areas = [], [], []
-    for axis, end in wall.sides():
-        at = (wall.low, wall.high)[end][axis]
-        ways = [other for other in range(3) if other != axis]
-        cells = [_middles(wall.low[way], wall.high[way], spacing, low[way], high[way]) for way in ways]
-        (a, size_a), (b, size_b) = cells
-        face = np.full((len(a) * len(b), 3), at)
-        face[:, ways[0]], face[:, ways[1]] = np.repeat(a, len(b)), np.tile(b, len(a))
-        normal = np.zeros_like(face)
-        normal[:, axis] = 1 - 2 * end
-        points.append(face)
-        normals.append(normal)
-        areas.append(np.outer(size_a, size_b).ravel() * (low[axis] <= at <= high[axis]))
-    count = sum(map(len, points))
-    return WallPart(np.concatenate(points), np.concatenate(normals), np.concatenate(areas), np.full(count, np.nan))
-
-
-def _middles(begin: float, end: float, spacing: float, low: float, high: float) -> tuple[Array, Array]:
-    """Middles of pieces from `begin` to `end`, and how long each is between `low` and `high` [m]."""
-    edges = np.linspace(begin, end, max(1, math.ceil((end - begin) / spacing - 1e-9)) + 1)
-    length = np.minimum(edges[1:], high) - np.maximum(edges[:-1], low)
-    return 0.5 * (edges[:-1] + edges[1:]), np.maximum(length, 0.0)
 
 
 def fitted(sums: Array, dimensions: int) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpsph.scene.scene import Projection
+from warpsph.scene.output import Projection
 
 # From where a scene is seen in perspective: as far to the right of the front and above the ground [degrees], and at how
 # many times the radius of the ball around what is seen.

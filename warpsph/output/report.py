@@ -24,7 +24,9 @@ from warpsph.output.gauge_waves import describe_gauge, off_observed, read_observ
 from warpsph.output.pages import embedded, plot, render
 from warpsph.output.plots import RECORDS, TIME, Curves, gauge_figure, small_plot
 from warpsph.scene.fields import Part
-from warpsph.scene.scene import Scene, SceneError, load_scene
+from warpsph.scene.loading import load_scene
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 
 PICTURES = 6  # frames shown, from the first to the last
 MOST_EMBEDDED = 24e6  # A film of more bytes stays a file beside the page, which would load too slowly.

@@ -16,6 +16,9 @@ from warpsph.output.records import read_record
 if TYPE_CHECKING:
     import pandas
 
+# How a run may end, as run.json tells.
+DONE, STOPPED, BLEW_UP = "done", "stopped", "blew up"
+
 _HEADING = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>.*)\])?")
 
 

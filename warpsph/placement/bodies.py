@@ -24,7 +24,7 @@ from warpsph.scene.bodies import BodyField, BodyMotion
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import SolidField
 from warpsph.shapes.points import Array, around, spatial
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.wall import Wall
 
 # A corner typed to five digits still rests on the slope that it was computed for. In spacings.
 TOUCH_SLACK = 1e-2
@@ -84,6 +84,8 @@ def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
         for other, earlier in zip(scene.bodies, solids, strict=False):
             spot = _overlap(scene, solid, earlier.samples)
             spot = _overlap(scene, earlier, solid.samples) if spot is None else spot
+            # Of two that lie just in each other every place of the surface of one is on that of the other.
+            spot = _overlap(scene, earlier, solid.body.surface.points) if spot is None else spot
             if spot is not None:
                 raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {scene.spot(spot)}")
         solids.append(solid)
@@ -107,7 +109,7 @@ def _refuse_no_room(scene: Scene, solids: Sequence[Solid], drawn: Sequence[Array
             raise scene.error("wave_maker", words)
 
 
-def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Sheet | Crate], sides: Sequence[int]) -> None:
+def refuse_behind(scene: Scene, solids: Sequence[Solid], walls: Sequence[Wall], sides: Sequence[int]) -> None:
     """Raises SceneError for a body that lies behind a wall; `sides` are those of the walls on which the fluid is."""
     for wall, one, side in zip(scene.walls, walls, sides, strict=True) if solids else ():
         points, normals, _ = one.sample(scene.wall_spacing)
@@ -141,7 +143,7 @@ def top_speed(solid: Solid) -> tuple[float, int]:
 
 
 def contact_of_walls(
-    scene: Scene, walls: Sequence[Sheet | Crate], sides: Sequence[int]
+    scene: Scene, walls: Sequence[Wall], sides: Sequence[int]
 ) -> tuple[list[ContactLegs], ContactPoints]:
     """The walls as contact sees them: as drawn, and free where the fluid is."""
     legs: list[ContactLegs] = []

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from warpsph.placement.bodies import Solid
 from warpsph.placement.images import Edge
-from warpsph.scene.scene import Scene, SceneError
+from warpsph.scene.scene import Scene
+from warpsph.scene.source import SceneError
 from warpsph.shapes.outline import Array
-from warpsph.shapes.points import near
-from warpsph.shapes.surface import BLOCK, Crate, Sheet, around
+from warpsph.shapes.points import BLOCK, around, near
+from warpsph.shapes.wall import Wall
 
 # A gauge reads the volume fraction, which a wall or a body cuts off within this many spacings.
 GAUGE_REACH = 1.5
@@ -30,7 +31,7 @@ def doubts_of(
     scene: Scene,
     position: Array,
     counts: Sequence[int],
-    walls: Sequence[Sheet | Crate],
+    walls: Sequence[Wall],
     drawn: Sequence[Array],
     solids: Sequence[Solid],
     edges: Sequence[Edge],
@@ -111,7 +112,7 @@ def _of_tables(scene: Scene, solids: Sequence[Solid]) -> Iterator[SceneError]:
 
 
 def _bare(
-    scene: Scene, walls: Sequence[Sheet | Crate], drawn: Sequence[Array], solids: Sequence[Solid], dummies: Array
+    scene: Scene, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid], dummies: Array
 ) -> Iterator[SceneError]:
     """A closed wall or a body with a part so thin that no dummy particle has room in it: fluid goes through.
 
@@ -161,7 +162,7 @@ def _out_of_sight(scene: Scene, low: Array, high: Array) -> Iterator[SceneError]
 def _of_gauges(
     scene: Scene,
     position: Array,
-    walls: Sequence[Sheet | Crate],
+    walls: Sequence[Wall],
     drawn: Sequence[Array],
     solids: Sequence[Solid],
     edges: Sequence[Edge],
@@ -194,7 +195,7 @@ def _of_gauges(
             yield scene.error(f"gauges[{i}].x", words)
 
 
-def _cut_off(scene: Scene, x: Array, position: Array, walls: Sequence[Sheet | Crate], solids: Sequence[Solid]) -> str:
+def _cut_off(scene: Scene, x: Array, position: Array, walls: Sequence[Wall], solids: Sequence[Solid]) -> str:
     """By what the surface is cut off where a gauge stands at `x` [m], shape [3]; nothing where it is not."""
     dx = scene.spacing
     near = np.all(np.abs(position[:, :2] - x[:2]) < 2.0 * dx, axis=1)
@@ -261,7 +262,7 @@ def count_of(points: Array, what: Callable[[Array], NDArray[np.bool_]]) -> tuple
     return total, first
 
 
-def distance(walls: Sequence[Sheet | Crate | Solid], points: Array) -> Array:
+def distance(walls: Sequence[Wall | Solid], points: Array) -> Array:
     """Distance from each of `points` [n, 3] to the nearest wall [m], shape [n]."""
     least = np.full(len(points), np.inf)
     for one in walls:

@@ -7,15 +7,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from warpsph.scene.boundaries import Wall
+from warpsph.scene.boundaries import WallField
 from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Corner, Shape, SolidField
+from warpsph.shapes.crate import Crate
 from warpsph.shapes.outline import Bend, Leg, Line, Outline
 from warpsph.shapes.points import Array
-from warpsph.shapes.surface import Crate, Prism, Sheet, Sphere
+from warpsph.shapes.sheet import Sheet
+from warpsph.shapes.volumes import Prism, Sphere
+from warpsph.shapes.wall import Wall
 
 
-def wall_surface(scene: Scene, index: int) -> Sheet | Crate:
+def wall_surface(scene: Scene, index: int) -> Wall:
     """`scene.walls[index]` in space.
 
     Raises SceneError for a path that cannot be drawn.
@@ -52,7 +55,7 @@ def wall_outline(scene: Scene, index: int) -> Outline:
     return closed_outline(wall)
 
 
-def closed_outline(part: Wall | Shape | SolidField) -> Outline:
+def closed_outline(part: WallField | Shape | SolidField) -> Outline:
     """The exact outline of a box, a disc or a polygon in the x-z plane; boxes and discs run counter-clockwise from the
     bottom."""
     if part.disc:

@@ -24,10 +24,9 @@ from warpsph.placement.lattice import (
 )
 from warpsph.scene.fluids import FluidField
 from warpsph.scene.scene import Scene
-from warpsph.shapes.points import Array, near
-from warpsph.shapes.surface import BLOCK, Crate, Frame, Sheet, inside_box
-
-Wall = Sheet | Crate
+from warpsph.shapes.points import BLOCK, Array, around, inside_box, near
+from warpsph.shapes.volumes import Frame
+from warpsph.shapes.wall import Wall
 
 # A cell that a wall cuts is felt out along so many lines each way.
 PROBES = {False: 16, True: 12}  # in a plane, in space
@@ -102,7 +101,7 @@ def shape_sites(
 
     warnings = []
     excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
-    if len(sites) and abs(excess) > 0.05:
+    if len(sites) and abs(excess) > 0.05 and scene.scheme != "mueller":  # which shares out mass by itself
         more, lighter = ("more", "lighter") if excess > 0 else ("less", "heavier")
         size = f"{'area' if scene.dimensions == 2 else 'volume'} of {body.volume:.4g} m{scene.dimensions}"
         words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its {size}"
@@ -163,13 +162,16 @@ def fill_sites(
     last = np.array([right, back, fill.level])
     # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
     closed = [(one, points) for one, points in zip(walls, outlines, strict=True) if one.closed and one is not bed]
-    dry = [one for one, points in closed if not _is_around(one, points, drawn, wet, dx)]
+    dry = [(one, one.box()) for one, points in closed if not _is_around(one, points, drawn, wet, dx)]
+    dry += [(one, around(one.samples)) for one in solids]  # bodies displace it
 
     def is_wet(points: Array) -> NDArray[np.bool_]:
         inside = inside_box(points, lowest, last)
         inside[inside] = bed.carries(points[inside], fill.level)
-        for one in [*dry, *solids]:  # bodies displace it
-            inside[inside] = ~one.contains(points[inside])
+        low, high = around(points) if len(points) else (last, lowest)
+        for one, (its_low, its_high) in dry:
+            if np.all((its_low - dx <= high) & (its_high + dx >= low)):  # of many most are elsewhere
+                inside[inside] = ~one.contains(points[inside])
         for other in earlier if has_dummies else ():
             inside[inside] = ~other.holds(points[inside])
         return inside

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from warpsph.scene.scene import Scene
-from warpsph.shapes.points import Array
-from warpsph.shapes.surface import BLOCK
+from warpsph.shapes.points import BLOCK, Array
 
 # A point typed to five digits still rests on the slope that it was computed for. In spacings.
 CLEARANCE_SLACK = 1e-3

@@ -12,11 +12,12 @@ from decimal import Decimal
 from typing import Any
 
 from warpsph.scene.bodies import BodyField, BodyMotion
-from warpsph.scene.boundaries import Mirror, Periodic, Wall
+from warpsph.scene.boundaries import Mirror, Periodic, WallField
 from warpsph.scene.fields import Part
 from warpsph.scene.fluids import Fill, Lattice
 from warpsph.scene.instruments import Force, Gauge, Overtopping, Probe, Window
-from warpsph.scene.scene import Scene, View
+from warpsph.scene.output import View
+from warpsph.scene.scene import Scene
 from warpsph.scene.shapes import Arc, BallField, BoxField, Corner, Disc, Shape, SolidField
 from warpsph.scene.waves import DampingZone, WaveMaker
 
@@ -33,7 +34,7 @@ PLACES: Mapping[type[Part], Mapping[str, str]] = {
     Corner: {"at": POINT},
     Shape: {"polygon": POINT, "width": "y"},
     SolidField: {"polygon": POINT, "path": POINT},
-    Wall: {"path": POINT, "width": "y"},
+    WallField: {"path": POINT, "width": "y"},
     Mirror: {"point": POINT},
     Periodic: {"start": POINT, "end": POINT},
     Fill: {"level": "z", "between": "x"},

@@ -28,11 +28,7 @@ from warpsph.placement.packing import pack
 from warpsph.placement.sound import slow_sound
 from warpsph.scene.scene import Scene
 from warpsph.shapes.outline import Array
-from warpsph.shapes.points import near
-from warpsph.shapes.surface import BLOCK, Crate, Sheet, around
-
-Wall = Sheet | Crate
-
+from warpsph.shapes.points import BLOCK, around, near
 
 # ------------------------------------------------------------------------------------------------------------ placement
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from warpsph.bodies.body_set import rotation
 from warpsph.placement.drawing import closed_outline, path_legs
-from warpsph.placement.dummies import LEAST_GAP, dummies_of_box, dummies_of_outline, layer_count
+from warpsph.placement.dummies import LEAST_GAP, layer_count
 from warpsph.scene.bodies import BodyField
 from warpsph.scene.scene import Scene
+from warpsph.shapes.crate import Crate
 from warpsph.shapes.mesh import (
     Mesh,
     ball_mass,
@@ -35,7 +36,7 @@ from warpsph.shapes.outline import Line, Outline, counter_clockwise
 from warpsph.shapes.points import Array, in_space, near, turned
 from warpsph.shapes.sampling import Surface, pieces, surface_of_mesh, surface_of_outline
 from warpsph.shapes.section import MassProperties, plane_mass
-from warpsph.shapes.surface import Crate, Sheet
+from warpsph.shapes.sheet import Sheet
 
 
 class Form(Protocol):
@@ -138,7 +139,7 @@ class Flat:
 
     def dummies(self, spacing: float, support: float) -> Surface:
         """As of every `Form`."""
-        return _filled(*dummies_of_outline(self.outline, spacing, support))
+        return _filled(*self._sheet.layers(-1, spacing, layer_count(support, spacing), ()))
 
     def corners(self) -> tuple[Array, list[list[int]]]:
         """As of every `Form`."""
@@ -280,7 +281,8 @@ class Box(Faceted):
 
     def dummies(self, spacing: float, support: float) -> Surface:
         """As of every `Form`."""
-        points, volumes = dummies_of_box(self._low, self._high, spacing, support)
+        drawn = Crate(self._low, self._high, frozenset())
+        points, volumes = drawn.layers(-1, spacing, layer_count(support, spacing), ())
         return _filled(points @ self._turn.T + self._at, volumes)
 
 

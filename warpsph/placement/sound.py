@@ -11,7 +11,7 @@ import numpy as np
 from warpsph.placement.bodies import Solid, place_bodies, top_speed
 from warpsph.placement.drawing import solid, wall_surface
 from warpsph.scene.scene import Scene
-from warpsph.shapes.surface import Frame
+from warpsph.shapes.volumes import Frame
 
 # A dam break of 1 m onto a reactive wall went through its corner at 7.03 times that speed in one of three spacings, and
 # at 7.15 times and more in none of nineteen runs.

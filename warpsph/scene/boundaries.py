@@ -39,7 +39,7 @@ class BoxWall(BoxField):
         return self
 
 
-class Wall(Part):
+class WallField(Part):
     """A solid line, in 3-D a surface, that repels fluid on both of its sides."""
 
     name: Name = Field(description="Name of the wall [-].")
@@ -55,7 +55,7 @@ class Wall(Part):
     )
 
     @model_validator(mode="after")
-    def _is_one_line(self) -> Wall:
+    def _is_one_line(self) -> WallField:
         self._need_one_of("path", "box", "disc", "arc")
         refuse_width_of_box(self.box, self.width)
         if self.closed and self.path is None:
@@ -75,17 +75,21 @@ _WALL_LAWS: Mapping[str, Mapping[str, float | str]] = {
     "lennard_jones": {"refinement": 3.0, "set_back": 0.3, "slip": "free"},
     "monaghan_kos": {"refinement": 3.0, "set_back": 0.8, "slip": "free"},
     "monaghan_kos_issa": {"refinement": 3.0, "strength": 0.02, "set_back": 1.35, "slip": "free"},
+    "reflecting": {"slip": "free"},
 }
+
+
+WallLaw = Literal["dummy_particles", "radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa", "reflecting"]
 
 
 class WallModel(Part):
     """What walls are made of, or how they push fluid away."""
 
-    force: Literal["dummy_particles", "radial", "lennard_jones", "monaghan_kos", "monaghan_kos_issa"] = Field(
+    force: WallLaw = Field(
         "dummy_particles",
         description="Law of the wall force [-]: dummy_particles stand in layers behind the wall with the pressure of "
         "the fluid before it (Adami, Hu & Adams 2012), and nothing is to be tuned; the others push, radial as Monaghan "
-        "and Kajtar do.",
+        "and Kajtar do; reflecting, of the scheme mueller alone, throws back what has gone through.",
     )
     refinement: Annotated[Real, Field(ge=1, le=10)] = Field(
         1.0, description="Particle spacing over the spacing of wall points, beta [-]; 3 for laws that push when absent."
@@ -103,6 +107,11 @@ class WallModel(Part):
         "lennard_jones, 0.8 for monaghan_kos, 1.35 for monaghan_kos_issa.",
     )
 
+    restitution: Annotated[Real, Field(ge=0, le=1)] = Field(
+        0.75,
+        description="Part of its velocity, all components, that a particle keeps when a reflecting wall throws it back "
+        "[-].",
+    )
     slip: Literal["none", "free"] = Field(
         "none",
         description="How fluid with a viscosity of its own goes along dummy_particles [-]: none, it sticks to walls, "
@@ -118,15 +127,22 @@ class WallModel(Part):
 
     @model_validator(mode="after")
     def _dummies_need_no_tuning(self) -> WallModel:
-        for name in ("refinement", "strength", "set_back") if self.force == "dummy_particles" else ():
+        for name in ("refinement", "strength", "set_back") if self.force in ("dummy_particles", "reflecting") else ():
             if getattr(self, name) != type(self).model_fields[name].default:
-                raise fault("means nothing to dummy_particles, which have nothing to tune", name)
+                why = "which have nothing to tune" if self.force == "dummy_particles" else "which has a restitution"
+                raise fault(f"means nothing to {self.force}, {why}", name)
         return self
 
     @model_validator(mode="after")
     def _sticks_to_dummies(self) -> WallModel:
         if self.slip == "none" and self.force != "dummy_particles":
             raise fault(f"none goes with dummy_particles; {self.force} lets fluid slip", "slip")
+        return self
+
+    @model_validator(mode="after")
+    def _restitution_has_a_law(self) -> WallModel:
+        if self.force != "reflecting" and self.restitution != type(self).model_fields["restitution"].default:
+            raise fault(f"goes with the force reflecting; {self.force} does not know it", "restitution")
         return self
 
     @model_validator(mode="after")

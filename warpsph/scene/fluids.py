@@ -1,4 +1,4 @@
-"""Fluids in a scene file: what they are made of, how their equations are discretised, where they start."""
+"""Fluids in a scene file: what they are made of, and where they start."""
 
 from __future__ import annotations
 
@@ -27,21 +27,6 @@ from warpsph.scene.fields import (
     fault,
 )
 from warpsph.scene.shapes import Shape
-
-# More stages are not tried: rounding grows with their square.
-MOST_STAGES = 101
-
-
-class Smoothing(Part):
-    """The smoothing kernel."""
-
-    kernel: Literal["wendland_c2", "cubic_spline", "gaussian"] = Field(
-        "wendland_c2", description="Smoothing kernel W [-]."
-    )
-    ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
-        1.4, description="Smoothing length over particle spacing, h/dx [-]; at 1.4 wendland_c2 keeps lattices in order."
-    )
-
 
 # What each law needs beside its consistency; the last law holds the others.
 _LAW_NEEDS: Mapping[str, tuple[str, ...]] = {
@@ -137,77 +122,6 @@ class Material(Part):
         if self.dynamic_viscosity:
             return RheologyField(law="newtonian", consistency=self.dynamic_viscosity)
         return self.rheology
-
-
-class ViscosityField(Part):
-    """How forces come of the materials' own viscosities."""
-
-    form: Literal["morris", "cleary", "stress"] = Field(
-        "morris",
-        description="Force of a pair [-]: morris, cleary (along the line between, so that no torque is left over), or "
-        "stress, the divergence of the stress from velocity gradients.",
-    )
-    mean: Literal["arithmetic", "harmonic"] = Field(
-        "harmonic", description="Viscosity between the two particles of a pair [-]."
-    )
-    weights: Literal["plain", "balanced"] = Field(
-        "plain",
-        description="Weights of pairs [-]: plain, or balanced, which leave a linear flow alone where particles are in "
-        "disorder too, for a sweep more; not with cleary.",
-    )
-    stages: Annotated[int, Field(strict=True, ge=1, le=MOST_STAGES)] | None = Field(
-        None,
-        description="Sweeps of a step for viscosity [-]: 1 is explicit, more allow a longer step; as many as let sound "
-        "alone limit the step when absent.",
-    )
-
-    @model_validator(mode="after")
-    def _can_be_stepped(self) -> ViscosityField:
-        if self.stages == 2:
-            raise fault("two stages take no longer a step than one; 1, or 3 and more", "stages")
-        if self.weights == "balanced" and self.form == "cleary":
-            raise fault("balanced goes with morris and stress, not with cleary", "weights")
-        return self
-
-
-class DensityDiffusion(Part):
-    """Diffusion of density between particles of one fluid, which keeps the pressure smooth."""
-
-    model: Literal["none", "molteni_colagrossi", "fourtakas", "antuono"] = Field(
-        "fourtakas",
-        description="What is diffused [-]; fourtakas leaves fluid at rest alone, antuono (delta-SPH) any linear "
-        "pressure, for a sweep more.",
-    )
-    delta: Coefficient = Field(0.1, description="Coefficient of the diffusion [-].")
-
-
-class DensityFilterField(Part):
-    """Density made anew from that of all around, now and then."""
-
-    model: Literal["none", "shepard", "mls"] = Field(
-        "none",
-        description="How it is interpolated [-]: none leaves it, shepard is exact for constants, mls (moving least "
-        "squares) for linear fields.",
-    )
-    every: Annotated[int, Field(strict=True, gt=0, le=1_000_000_000)] = Field(
-        20, description="Steps from one time to the next [-]."
-    )
-
-
-class Shifting(Part):
-    """A drift of particles to where there are fewer of them, which keeps them in order."""
-
-    model: Literal["none", "fickian"] = Field(
-        "none",
-        description="How particles drift beside their velocity [-]: none, or fickian, against the gradient of their "
-        "concentration at the pace of the shear rate, and along a free surface only.",
-    )
-    strength: Coefficient = Field(6.0, description="Coefficient of the drift, A [-].")
-    velocity: Literal["own", "local"] = Field(
-        "own",
-        description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or that of the "
-        "place it drifts to, in materials with a viscosity of their own.",
-    )
 
 
 class Fill(Part):

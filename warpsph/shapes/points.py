@@ -30,6 +30,31 @@ def in_space(plane: Array, y: float = 0.0) -> Array:
     return np.insert(plane, 1, y, axis=1)
 
 
+def middles_between(begin: float, end: float, spacing: float, low: float, high: float) -> tuple[Array, Array]:
+    """Middles of pieces from `begin` to `end`, and how long each is between `low` and `high` [m]."""
+    edges = np.linspace(begin, end, max(1, math.ceil((end - begin) / spacing - 1e-9)) + 1)
+    length = np.minimum(edges[1:], high) - np.maximum(edges[:-1], low)
+    return 0.5 * (edges[:-1] + edges[1:]), np.maximum(length, 0.0)
+
+
+def across(plane: Array, stations: Array) -> Array:
+    """Points of the x-z plane [n, 2], once at each of the stations along y [k], shape [k n, 3]."""
+    return np.concatenate([np.empty((0, 3)), *(in_space(plane, y) for y in stations)])
+
+
+def divide(low: float, high: float, spacing: float) -> tuple[Array, Array]:
+    """Stations from `low` to `high`, both included and at most `spacing` apart, and the length of each [m]."""
+    pieces = max(1, math.ceil((high - low) / spacing - 1e-9))
+    share = np.full(pieces + 1, (high - low) / pieces)
+    share[[0, -1]] /= 2
+    return np.linspace(low, high, pieces + 1), share
+
+
+def nothing_at(points: Array) -> Array:
+    """A row of zeros that is seen as many times as there are points, not to be written to, shape [n, 3]."""
+    return np.broadcast_to(np.zeros(3), points.shape)
+
+
 def turned(points: ArrayLike, angle: float, pivot: ArrayLike | None = None) -> Array:
     """Plane points [n, 2] turned counter-clockwise by `angle` [rad] about `pivot`, the origin when absent."""
     c, s = math.cos(angle), math.sin(angle)
@@ -57,6 +82,17 @@ def inside_box(points: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     inside = np.ones(len(points), dtype=bool)
     for x, a, b in zip(points.T, low, high, strict=True):
         inside &= (x > a) & (x < b)
+    return inside
+
+
+def inside_polygon(points: Array, polygon: Array) -> NDArray[np.bool_]:
+    """Whether each of `points` [n, 2] lies inside `polygon` [k, 2] by the even-odd rule, shape [n]."""
+    inside = np.zeros(len(points), dtype=bool)
+    x, z = points[:, 0], points[:, 1]
+    for (ax, az), (bx, bz) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if az != bz:
+            with np.errstate(over="ignore"):  # of a side that is next to level: which part of it counts, one cannot say
+                inside ^= ((az > z) != (bz > z)) & (x < ax + (z - az) * (bx - ax) / (bz - az))
     return inside
 
 

@@ -5,7 +5,7 @@
         as often as the lists hold, on the device alone:
             for each act of the scheme, in its order: launch its stages        Scheme.acts
 
-Which acts there are, and in which order, is told by the schemes: schemes/weakly_compressible.py.
+Which acts there are, and in which order, is told by the schemes: schemes/weakly_compressible.py and its neighbours.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -7,8 +7,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from warpsph.run import DONE, Run
-from warpsph.scene.scene import load_scene
+from warpsph.output.run_folder import DONE
+from warpsph.run import Run
+from warpsph.scene.loading import load_scene
+from warpsph.validation import braga
 from warpsph.validation.blocks import (
     measure_block_maciel,
     measure_block_mki,
@@ -126,6 +128,16 @@ CASES: Mapping[str, Case | Series] = {
     ),
     "bingham_plane": Case("a Bingham mud between plates flows steadily", measure_bingham_plane),
     "viscoplastic_dam_break": Case("a mud let go stops", measure_arrest),
+    **{
+        f"braga_{name}": Series(study.title, f"braga_{name}", study.settings(), braga.measure(name))
+        for name, study in braga.STUDIES.items()
+    },
+    **{
+        f"braga_{name}_ours": Series(
+            f"{study.title}, by our scheme", f"braga_{name}", (study.ours(),), braga.measure_ours(name)
+        )
+        for name, study in braga.STUDIES.items()
+    },
 }
 
 

@@ -45,16 +45,9 @@ def measure_dam_break(runs: Sequence[Run], folder: Path) -> list[Result]:
         g, what = run.scene.gravity, f"n2 = {n2}, a = {1e3 * base:.3g} mm"
         water = read_record(run.folder / "fluids" / "water.csv")
         T, Z = water["time [s]"] * math.sqrt(g * n2 / base), water["front [m]"] / base
-        seen = _table(f"martin_moyce_1952_front_{name}.csv", series)
-        seen = seen[(seen[:, 1] <= FARTHEST) & (seen[:, 0] + MOST_SHIFT <= T[-1])]
-
-        def rms(shift: float, T: np.ndarray = T, Z: np.ndarray = Z, seen: np.ndarray = seen) -> float:
-            return float(np.sqrt(np.mean((np.interp(seen[:, 0] + shift, T, Z) / seen[:, 1] - 1.0) ** 2)))
-
-        shifts = np.linspace(-MOST_SHIFT, MOST_SHIFT, 121)
-        best = min(shifts, key=rms)
-        results.append(at_most(f"front, rms of Z, {what}, T shifted by {best:+.2f}", "", rms(best), 0.05, SOURCE))
-        results.append(Result(f"the same without a shift, {what}", "", rms(0.0), None, source=SOURCE))
+        best, shifted, raw = front_error(T, Z, name, series, FARTHEST)
+        results.append(at_most(f"front, rms of Z, {what}, T shifted by {best:+.2f}", "", shifted, 0.05, SOURCE))
+        results.append(Result(f"the same without a shift, {what}", "", raw, None, source=SOURCE))
         # A particle stands half a spacing behind the front that it is, and its lattice cell is a spacing wide.
         beyond = float((Z - 1.0 - 2.0 * T).max()) * COLUMNS
         results.append(at_most(f"front beyond 1 + 2 T, over dx, {what}", "", max(beyond, 0.0), 0.5, "Ritter (1892)"))
@@ -65,6 +58,18 @@ def measure_dam_break(runs: Sequence[Run], folder: Path) -> list[Result]:
         worst = np.abs(np.interp(heights[:, 0], tau, H) - heights[:, 1]).max()
         results.append(at_most(f"height at the back wall, largest error, {what}", "", float(worst), 0.05, SOURCE))
     return results
+
+
+def front_error(T: np.ndarray, Z: np.ndarray, name: str, series: str, farthest: float) -> tuple[float, float, float]:
+    """The shift of T that suits a front best, the relative rms of Z with it, and that without; up to Z = `farthest`."""
+    seen = _table(f"martin_moyce_1952_front_{name}.csv", series)
+    seen = seen[(seen[:, 1] <= farthest) & (seen[:, 0] + MOST_SHIFT <= T[-1])]
+
+    def rms(shift: float) -> float:
+        return float(np.sqrt(np.mean((np.interp(seen[:, 0] + shift, T, Z) / seen[:, 1] - 1.0) ** 2)))
+
+    best = float(min(np.linspace(-MOST_SHIFT, MOST_SHIFT, 121), key=rms))
+    return best, rms(best), rms(0.0)
 
 
 def _table(name: str, series: str) -> np.ndarray:

@@ -1,12 +1,14 @@
-"""Walls and bodies in space: distances, openings and samples against what is known of a box and a sheet."""
+"""Walls, and volumes of fluid: distances, openings and samples against what is known of a box and a sheet."""
 
 import math
 
 import numpy as np
 import pytest
 
+from warpsph.shapes.crate import FACES, Crate
 from warpsph.shapes.outline import Line, Outline
-from warpsph.shapes.surface import FACES, Crate, Frame, Sheet, Sphere
+from warpsph.shapes.sheet import Sheet
+from warpsph.shapes.volumes import Frame, Sphere
 
 LOW, HIGH = np.array([0.0, -1.0, 0.5]), np.array([2.0, 1.0, 1.5])
 SPACING = 0.07
