@@ -96,7 +96,8 @@ def _run_command(options: argparse.Namespace) -> int:
             raise
         return _complain(_out_of_memory(options), MACHINE)
     except OSError as error:
-        return _complain(f"{error.filename or 'the machine'}: {error.strerror or error}", MACHINE)
+        folder = getattr(options, "out", None) or getattr(options, "run", None)  # what a write to a file does not tell
+        return _complain(f"{error.filename or folder or 'the machine'}: {error.strerror or error}", MACHINE)
 
 
 def _complain(message: str, code: int) -> int:

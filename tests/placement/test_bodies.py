@@ -49,6 +49,11 @@ def tail(error: pytest.ExceptionInfo) -> str:
         ("min: [0.3, 0.3]", "min: [-0.1, 0.3]", "bodies[0].shape: wall 'pond' runs through it"),
         ("center: [0.7, 0.4]", "center: [1.3, 0.4]", "bodies[1]: lies behind wall 'pond'"),
         ("center: [0.7, 0.4]", "center: [0.55, 0.4]", "bodies[1].shape: overlaps body 'crate'"),
+        (
+            "disc: {center: [0.7, 0.4], radius: 0.1}",
+            "box: {min: [0.3, 0.3], max: [0.5, 0.5]}",
+            "bodies[1].shape: overlaps body 'crate'",
+        ),
         ("max: [0.5, 0.5]", "max: [0.31, 0.5]", "too thin or too small"),
         ("density: 600.0", "mass: 0.0", "bodies[0].mass: must be more than 0"),
         ("density: 600.0", "mass: 1.0, density: 1.0", "exactly one of density, mass"),

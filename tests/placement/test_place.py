@@ -259,6 +259,8 @@ def test_a_fill_inside_closed_walls():
 def test_an_obstacle_stays_dry_and_the_tank_around_the_bed_does_not():
     block = {"name": "block", "box": {"min": [1.0, 0.0], "max": [1.5, 0.5]}}
     assert len(place(make([TANK, block])).position) == 300 - 25
+    in_the_middle = {"name": "block", "box": {"min": [1.2, 0.0], "max": [1.8, 0.5]}}
+    assert len(place(make([TANK, in_the_middle])).position) == 300 - 30
     around = {"name": "around", "box": {"min": [-1.0, -1.0], "max": [4.0, 3.0]}}
     assert len(place(make([TANK, around])).position) == 300
 
@@ -497,6 +499,32 @@ def test_a_bed_between_walls_of_other_names_does_not_leak():
 )
 def test_what_is_doubtful_is_a_warning(scene, words):
     assert place(scene).warnings == (words,)
+
+
+@pytest.mark.parametrize("thick", [0.02, 0.09, 0.11])
+def test_what_is_too_thin_for_a_dummy_particle_is_told(thick):
+    """Fluid goes through it: a closed wall of which none is left is refused, a fin of a body is a doubt."""
+    dummies = {"wall_model": {"force": "dummy_particles"}}
+    plate = {"name": "plate", "box": {"min": [1.5, 0.3], "max": [1.5 + thick, 1.5]}}
+    fin = [
+        [0.7, 1.0],
+        [1.5, 1.0],
+        [1.5, 0.4],
+        [1.5 + thick, 0.4],
+        [1.5 + thick, 1.0],
+        [2.2, 1.0],
+        [2.2, 1.4],
+        [0.7, 1.4],
+    ]
+    body = {"name": "raft", "density": 500.0, "shape": {"polygon": fin}}
+    if thick > 0.1:
+        assert place(make([TANK, plate], **dummies)).warnings == ()
+        assert place(make(bodies=[body], **dummies)).warnings == ()
+        return
+    told = error_of(make([TANK, plate], **dummies))
+    assert told.startswith("walls[1]: 'plate' is thinner than a spacing at x = 1.5") and "0.1 m is the least" in told
+    (doubt,) = place(make(bodies=[body], **dummies)).warnings
+    assert doubt.startswith("bodies[0].shape: it is thinner than a spacing at x = 1.5")
 
 
 def test_drop_height():

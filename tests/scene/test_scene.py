@@ -687,6 +687,19 @@ def test_a_text_of_too_many_values_is_refused_in_seconds(load):
     assert time.process_time() - began < 5.0  # 1.7 s, and 9 s without libyaml
 
 
+@pytest.mark.skipif(not hasattr(yaml, "CSafeLoader"), reason="needs libyaml")
+@pytest.mark.parametrize(
+    ("key", "count", "most"), [("walls", 10_000, 200), ("fluids", 1_000, 50), ("bodies", 9_000, 100)]
+)
+def test_more_of_a_kind_than_there_may_be_is_refused_in_seconds(load, key, count, most):
+    text = TANK.replace(f"\n{key}:", "\nold_ones:") + f"{key}:\n"
+    text += "".join(f"- {{name: n{i}, path: [[0, 0], [1, 0]]}}\n" for i in range(count))
+    began = time.process_time()
+    told = message(load, text)
+    assert f"{key}: has more than {most} entries, which is the most" in told or "more than 100,000 values" in told
+    assert time.process_time() - began < 10.0
+
+
 def test_a_file_that_cannot_be_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("scenes").mkdir()

@@ -75,18 +75,25 @@ def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
     Raises SceneError for a body that is impossible, in a wall, or in another body.
     """
     solids: list[Solid] = []
+    boxes: list[tuple[Array, Array]] = []
     for i, body in enumerate(scene.bodies):
         path = f"bodies[{i}]"
         solid = _solid(scene, path, body, around(*drawn) if drawn else None)
         for wall, points in zip(scene.walls, drawn, strict=True):
             if (spot := _overlap(scene, solid, points)) is not None:
                 raise scene.error(f"{path}.shape", f"wall '{wall.name}' runs through it, at {scene.spot(spot)}")
-        for other, earlier in zip(scene.bodies, solids, strict=False):
+        low, high = around(solid.samples)
+        for other, earlier, (its_low, its_high) in zip(scene.bodies, solids, boxes, strict=False):
+            if np.any((low > its_high + scene.spacing) | (high < its_low - scene.spacing)):
+                continue  # as most of many are
             spot = _overlap(scene, solid, earlier.samples)
             spot = _overlap(scene, earlier, solid.samples) if spot is None else spot
+            # Of two that lie just in each other every place of the surface of one is on that of the other.
+            spot = _overlap(scene, earlier, solid.body.surface.points) if spot is None else spot
             if spot is not None:
                 raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {scene.spot(spot)}")
         solids.append(solid)
+        boxes.append((low, high))
     _refuse_no_room(scene, solids, drawn)
     return solids
 

@@ -12,7 +12,7 @@ from warpsph.placement.images import Edge
 from warpsph.scene.scene import Scene
 from warpsph.scene.source import SceneError
 from warpsph.shapes.outline import Array
-from warpsph.shapes.points import BLOCK, around
+from warpsph.shapes.points import BLOCK, around, near
 from warpsph.shapes.wall import Wall
 
 # A gauge reads the volume fraction, which a wall or a body cuts off within this many spacings.
@@ -21,6 +21,8 @@ GAUGE_REACH = 1.5
 LEAST_ROWS = 5
 # Lighter than this is no liquid, heavier no gas [kg/m3].
 LIGHTEST_LIQUID = 25.0
+# What is drawn has a dummy particle within so many spacings, but for the tips of sharp corners.
+BARE = 2.0
 # The bed is looked for in at most so many columns.
 MOST_COLUMNS = 20_000_000
 
@@ -33,11 +35,12 @@ def doubts_of(
     drawn: Sequence[Array],
     solids: Sequence[Solid],
     edges: Sequence[Edge],
+    dummies: Array,
 ) -> list[str]:
     """Warnings about what can be run but was hardly meant.
 
     `position` [m], shape [n, 3], are all particles, `counts` those of each fluid; `drawn` are points on each of the
-    `walls` [m], shape [n, 3].
+    `walls` [m], shape [n, 3], `dummies` the dummy particles of all walls [m], shape [n, 3].
     """
     ends = np.cumsum(counts).tolist()
     sites = [position[end - count : end] for count, end in zip(counts, ends, strict=True)]
@@ -45,6 +48,7 @@ def doubts_of(
         *_units(scene),
         *_of_fluids(scene, sites, drawn),
         *_of_tables(scene, solids),
+        *(_bare(scene, walls, drawn, solids, dummies) if scene.wall_model.force == "dummy_particles" else ()),
         *_of_gauges(scene, position, walls, drawn, solids, edges),
         *(_out_of_sight(scene, *around(*drawn)) if scene.walls else ()),
     ]
@@ -105,6 +109,32 @@ def _of_tables(scene: Scene, solids: Sequence[Solid]) -> Iterator[SceneError]:
             if value:
                 words = f"its first row has {name} = {value:g} m, from which it is counted: the body starts as drawn"
                 yield scene.error(f"bodies[{i}].motion.file", words)
+
+
+def _bare(
+    scene: Scene, walls: Sequence[Wall], drawn: Sequence[Array], solids: Sequence[Solid], dummies: Array
+) -> Iterator[SceneError]:
+    """A closed wall or a body with a part so thin that no dummy particle has room in it: fluid goes through.
+
+    Raises SceneError for a wall in which there is none at all.
+    """
+    reach = BARE * scene.spacing
+    for i, (wall, points) in enumerate(zip(walls, drawn, strict=True)):
+        bare = points[~near(points, dummies, reach)] if wall.closed else points[:0]
+        if len(bare):
+            error = _too_thin(scene, f"walls[{i}]", f"'{scene.walls[i].name}'", bare[0])
+            if len(bare) == len(points):
+                raise error
+            yield error
+    for i, solid in enumerate(solids):
+        bare = solid.samples[~near(solid.samples, solid.body.surface.points, reach)]
+        if len(bare):
+            yield _too_thin(scene, f"bodies[{i}].shape", "it", bare[0])
+
+
+def _too_thin(scene: Scene, path: str, what: str, place: Array) -> SceneError:
+    words = f"{what} is thinner than a spacing at {scene.spot(place)}, where fluid goes through it"
+    return scene.error(path, f"{words}; {scene.spacing:g} m is the least that holds")
 
 
 def _out_of_sight(scene: Scene, low: Array, high: Array) -> Iterator[SceneError]:

@@ -24,7 +24,7 @@ from warpsph.placement.lattice import (
 )
 from warpsph.scene.fluids import FluidField
 from warpsph.scene.scene import Scene
-from warpsph.shapes.points import BLOCK, Array, inside_box, near
+from warpsph.shapes.points import BLOCK, Array, around, inside_box, near
 from warpsph.shapes.volumes import Frame
 from warpsph.shapes.wall import Wall
 
@@ -138,7 +138,7 @@ def fill_sites(
     """
     fill, dx = fluid.fill, scene.spacing
     index = [wall.name for wall in scene.walls].index(fill.above)
-    bed, drawn = walls[index], drawn[index]
+    bed, outlines, drawn = walls[index], drawn, drawn[index]
     low, high = fill.between or (-math.inf, math.inf)
     wet = drawn[(drawn[:, 0] >= low - dx) & (drawn[:, 0] <= high + dx) & (drawn[:, 2] < fill.level)]
     if not len(wet):
@@ -161,14 +161,17 @@ def fill_sites(
     corner, lowest = np.array([start, front, floor]), np.array([left, front, floor])
     last = np.array([right, back, fill.level])
     # The inside of an obstacle stays dry; a closed wall around the bed is no obstacle.
-    middle = drawn[[len(drawn) // 2]]
-    dry = [one for one in walls if one.closed and one is not bed and not one.contains(middle)[0]]
+    closed = [(one, points) for one, points in zip(walls, outlines, strict=True) if one.closed and one is not bed]
+    dry = [(one, one.box()) for one, points in closed if not _is_around(one, points, drawn, wet, dx)]
+    dry += [(one, around(one.samples)) for one in solids]  # bodies displace it
 
     def is_wet(points: Array) -> NDArray[np.bool_]:
         inside = inside_box(points, lowest, last)
         inside[inside] = bed.carries(points[inside], fill.level)
-        for one in [*dry, *solids]:  # bodies displace it
-            inside[inside] = ~one.contains(points[inside])
+        low, high = around(points) if len(points) else (last, lowest)
+        for one, (its_low, its_high) in dry:
+            if np.all((its_low - dx <= high) & (its_high + dx >= low)):  # of many most are elsewhere
+                inside[inside] = ~one.contains(points[inside])
         for other in earlier if has_dummies else ():
             inside[inside] = ~other.holds(points[inside])
         return inside
@@ -227,6 +230,15 @@ def fill_sites(
             mirrors.append((np.array([1.0, 0.0, 0.0]), x))
     cut = (share < WHOLE) & has_dummies
     return Sites(sites, fill.level - sites[:, 2], volume, cut, tuple(mirrors), is_wet, ())
+
+
+def _is_around(wall: Wall, points: Array, bed: Array, wet: Array, dx: float) -> bool:
+    """Whether a closed wall, with `points` on it, stands around a bed, of which the points `wet` lie below the water.
+
+    An obstacle may stand on the very middle of the bed, but does not reach from end to end of it.
+    """
+    reaches = (points.min(axis=0) < wet.min(axis=0) + dx) & (points.max(axis=0) > wet.max(axis=0) - dx)
+    return bool(reaches[:2].all() and wall.contains(bed[[len(bed) // 2]])[0])
 
 
 def _wet_part(

@@ -170,7 +170,7 @@ def place(scene: Scene) -> Placement:
         position = pack(scene, placed, position, dummies, solids)
         depth += np.where(depth > 0.0, stood[:, 2] - position[:, 2], 0.0)
     ground = min((float(points[:, 2].min()) for points in drawn), default=float(position[:, 2].min()))
-    warnings += doubts_of(scene, position, counts, walls, drawn, solids, edges)
+    warnings += doubts_of(scene, position, counts, walls, drawn, solids, edges, dummies.position)
     del drawn
     samples = [one.set_back(set_back, side).sample(scene.wall_spacing) for one, side in zip(walls, sides, strict=True)]
     for (_, normals, _), side in zip(samples, sides, strict=True):
