@@ -13,6 +13,9 @@ _SPREADS = "the wave spreads from one gauge to the next: its foot runs at 1.8 m/
 _LINE = "what lies alone on a wall of dummies rests on its line, to a twentieth of a spacing"
 _LATTICE = "the first moment of the kernel over the lattice is 0.99 at h = 1.4 dx, so pressure reads 1 % more"
 
+_BY_EYE = "he saw it, and later; from the least mechanical energy on it is the scheme that adds energy"
+_DENSE = "particles settle denser than their lattice: a density summed to 1.3 dx hardly tells"
+
 # By case, patterns of quantities.
 EXPECTED: Mapping[str, Mapping[str, str]] = {
     **{name: {"particles behind a wall": _LINE} for name in ("landslide", "landslide_0175")},
@@ -28,6 +31,9 @@ EXPECTED: Mapping[str, Mapping[str, str]] = {
         "celerity, *": "the wave that is left has not the shape of the theory's",
     },
     "reservoir": {"coefficient of discharge less 0.60": "0.65 with a slot ten spacings wide; finer ones were not run"},
+    "braga_column": {"it is least at, *": _BY_EYE, "level *": _DENSE},
+    "braga_pool": {"it is least at, *": _BY_EYE},
+    "braga_collision": {"it is least at, *": _BY_EYE},
     "submarine_slide": {"trough at g1": _SLOPES, "crest at g2": _SLOPES},
 }
 
