@@ -75,7 +75,11 @@ def test_a_drop_falls_freely_until_it_touches(device):
 
 
 def test_momentum_is_the_impulse_of_walls_and_gravity(device):
-    simulation = Simulation(load_scene(BOX, COARSE), device)
+    """Of two bodies of water that have fallen into each other, too: all particles have one mass."""
+    disc = "{name: drop, material: water, clearance: 0.0, shape: {disc: {center: [0.3, 0.65], radius: 0.12}}}"
+    box = "{name: water, material: water, clearance: 0.0, shape: {box: {min: [0.0, 0.0], max: [0.5, 0.5]}}}"
+    simulation = Simulation(load_scene(BOX, [*COARSE, f"fluids=[{box}, {disc}]"]), device)
+    assert len(set(simulation.model.parameters.mass.numpy())) == 1
     simulation.advance(0.2)
     state, dt = simulation.state, 0.0005
     mass = float(simulation.model.parameters.mass.numpy()[0])

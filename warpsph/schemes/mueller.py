@@ -88,14 +88,19 @@ class Mueller:
         """The mass of particles, their density, and their velocity half a step before the start."""
         start = self._record(kernels.start_leapfrog, time_step=self._model.scene.run.time_step)
         density = self._sum_density()
-        return [*density, self._share_mass, *density, *self._pack(), *self._forces(), *start]
+        return [self._level_mass, *density, self._share_mass, *density, *self._pack(), *self._forces(), *start]
+
+    def _level_mass(self) -> None:
+        """One mass for all particles, whichever shape they fill."""
+        parameters, dx = self._model.parameters, self._model.spacing
+        parameters.mass.fill_(float(parameters.rest_density.numpy()[0]) * dx * dx)
 
     def _share_mass(self) -> None:
         """The mass of a particle so that density is that of the material on the average, eq 3.34."""
         parameters, density = self._model.parameters, self._state.density.numpy()
         rho0 = float(parameters.rest_density.numpy()[0])
-        mass = parameters.mass.numpy().astype(float) * rho0 * density.sum() / np.square(density).sum()
-        parameters.mass.assign(mass.astype(np.float32))
+        mass = float(parameters.mass.numpy()[0]) * rho0 * density.sum() / np.square(density).sum()
+        parameters.mass.fill_(mass)
 
     def settle(self) -> list[Stage]:
         """Nothing: there is no warm-up."""

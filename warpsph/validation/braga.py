@@ -144,7 +144,9 @@ def _measure_study(study: Study, runs: Sequence[Run], folder: Path) -> list[Resu
                 )
         else:
             what = f"mechanical energy has risen again, {n}"
-            results.append(Result(what, "", rise, None, None, None, SLACK, rise > SLACK, f"{source}: it diverges"))
+            results.append(
+                Result(what, "", rise, None, None, None, SLACK, bool(rise > SLACK), f"{source}: it diverges")
+            )
             since = float(time[energy.argmin()])
             results.append(against(f"it is least at, {n}", "s", since, his.diverges, 0.2, source))
         results.append(at_most(f"momentum less impulses, over that of gravity, {n}", "", _unbalanced(run), 1e-6, ""))

@@ -12,6 +12,9 @@ _SLOPES = "the slide is five spacings high and its waves two to four: not known 
 _SPREADS = "the wave spreads from one gauge to the next: its foot runs at 1.8 m/s, its crest at 1.5 m/s"
 _LINE = "what lies alone on a wall of dummies rests on its line, to a twentieth of a spacing"
 
+_BY_EYE = "he saw it, and later; from the least mechanical energy on it is the scheme that adds energy"
+_DENSE = "particles settle denser than their lattice: a density summed to 1.3 dx hardly tells"
+
 # By case, patterns of quantities.
 EXPECTED: Mapping[str, Mapping[str, str]] = {
     **{name: {"particles behind a wall": _LINE} for name in ("landslide", "landslide_0175")},
@@ -24,6 +27,9 @@ EXPECTED: Mapping[str, Mapping[str, str]] = {
         "celerity, H / d = 0.2": "1.4 % with twenty rows, as lattices that are drawn out still resist a little"
     },
     "reservoir": {"coefficient of discharge less 0.60": "0.65 with a slot ten spacings wide; finer ones were not run"},
+    "braga_column": {"it is least at, *": _BY_EYE, "level *": _DENSE},
+    "braga_pool": {"it is least at, *": _BY_EYE},
+    "braga_collision": {"it is least at, *": _BY_EYE},
     "submarine_slide": {"trough at g1": _SLOPES, "crest at g2": _SLOPES},
 }
 
