@@ -15,6 +15,8 @@ import peer as bench_peer
 import pytest
 import stages as bench_stages
 
+from warpsph.scene.schemes import RATIO
+
 NO_WALLS = np.empty((0, 3))
 DX = 0.01  # [m]
 
@@ -213,3 +215,12 @@ def test_a_lattice_stands_where_it_is_told_to():
     square = lattices.LATTICES["square"]
     assert lattices.fastest_rate("wendland_c2", 1.5, square) == pytest.approx(0.0955, abs=2e-3)
     assert lattices.fastest_rate("wendland_c2", 1.4, square) < 0.03
+
+
+@pytest.mark.parametrize(("kernel", "lattice"), [("wendland_c2", "square"), ("quintic_spline", "cubic")])
+def test_lattices_of_the_defaults_neither_resist_nor_buckle(kernel, lattice):
+    """Moduli of water are 0; Wendland's kernel over 1.4 dx is an elastic body, with 0.09 of the pressure."""
+    basis = lattices.LATTICES[lattice]
+    assert max(np.abs(lattices.moduli(kernel, RATIO[kernel], basis))) < 0.012
+    assert lattices.fastest_rate(kernel, RATIO[kernel], basis) < 0.01
+    assert max(lattices.moduli("wendland_c2", 1.4, lattices.LATTICES["square"])) == pytest.approx(0.091, abs=1e-3)
