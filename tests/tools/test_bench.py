@@ -217,7 +217,9 @@ def test_a_lattice_stands_where_it_is_told_to():
     assert lattices.fastest_rate("wendland_c2", 1.4, square) < 0.03
 
 
-@pytest.mark.parametrize(("kernel", "lattice"), [("wendland_c2", "square"), ("quintic_spline", "cubic")])
+@pytest.mark.parametrize(
+    ("kernel", "lattice"), [("quintic_spline", "square"), ("quintic_spline", "cubic"), ("wendland_c2", "square")]
+)
 def test_lattices_of_the_defaults_neither_resist_nor_buckle(kernel, lattice):
     """Moduli of water are 0; Wendland's kernel over 1.4 dx is an elastic body, with 0.09 of the pressure."""
     basis = lattices.LATTICES[lattice]

@@ -16,12 +16,12 @@ class Smoothing(Part):
     """The smoothing kernel."""
 
     kernel: Literal["wendland_c2", "quintic_spline", "cubic_spline", "gaussian"] = Field(
-        "wendland_c2", description="Smoothing kernel W [-]; in 3-D quintic_spline when absent."
+        "quintic_spline", description="Smoothing kernel W [-]."
     )
     ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
-        2.0,
-        description="Smoothing length over particle spacing, h/dx [-]; when absent 2 for wendland_c2, 1.42 for "
-        "quintic_spline, 1.2 for cubic_spline, 1.4 for gaussian: their lattices hardly resist shear, nor buckle.",
+        1.42,
+        description="Smoothing length over particle spacing, h/dx [-]; when absent 1.42 for quintic_spline, 2 for "
+        "wendland_c2, 1.2 for cubic_spline, 1.4 for gaussian: their lattices hardly resist shear, nor buckle.",
     )
 
 

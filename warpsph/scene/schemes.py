@@ -24,10 +24,9 @@ ONLY: Mapping[str, Mapping[str, Any]] = {
 SUITS: Mapping[str, Mapping[str, Any]] = {"mueller": {"smoothing.ratio": 1.3}}
 
 
-# h / dx at which a lattice under pressure neither buckles nor resists shear as an elastic body would: "The smoothing
-# length" in kernels/README.md. In space a support of four spacings has 268 neighbours: another kernel needs fewer.
+# h / dx at which a lattice under pressure neither buckles nor resists shear as an elastic body would: "A lattice under
+# pressure" in kernels/README.md. That of the default kernel is the default of the field.
 RATIO: Mapping[str, float] = {"wendland_c2": 2.0, "quintic_spline": 1.42, "cubic_spline": 1.2, "gaussian": 1.4}
-KERNEL_IN_SPACE = "quintic_spline"
 
 
 def suited(data: dict[str, Any]) -> dict[str, Any]:
@@ -36,8 +35,6 @@ def suited(data: dict[str, Any]) -> dict[str, Any]:
     if isinstance(scheme, str):
         for path, value in {**ONLY.get(scheme, {}), **SUITS.get(scheme, {})}.items():
             data = _with_default(data, path.split("."), value)
-    if data.get("dimensions") == 3:
-        data = _with_default(data, ["smoothing", "kernel"], KERNEL_IN_SPACE)
     smoothing = data.get("smoothing")
     kernel = smoothing.get("kernel") if isinstance(smoothing, dict) else None
     if isinstance(kernel, str) and kernel in RATIO:

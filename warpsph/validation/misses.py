@@ -17,7 +17,9 @@ _DENSE = "particles settle denser than their lattice: a density summed to 1.3 dx
 # By case, patterns of quantities.
 EXPECTED: Mapping[str, Mapping[str, str]] = {
     **{name: {"particles behind a wall": _LINE} for name in ("landslide", "landslide_0175", "landslide_0200")},
-    "dam_break": {"height at the back wall, *, n2 = 1, *": "within 0.05 with the shift of the front: the gate takes time"},
+    "dam_break": {
+        "height at the back wall, *, n2 = 1, *": "within 0.05 with the shift of the front: the gate takes time"
+    },
     "wedge_entry": {"particles in the wedge": "the impact is chaotic: 0 or 1 by the last digit of the time step"},
     "block_maciel": {"energy of the wave over *": _SHARE, "the same over its kinetic energy *": _SHARE},
     "block_mki": {"energy of the wave over *": _SHARE, "the same over its kinetic energy *": _SHARE},
@@ -25,7 +27,9 @@ EXPECTED: Mapping[str, Mapping[str, str]] = {
     "solitary": {
         "celerity, H / d = 0.2": "1.4 % with twenty rows, as lattices that are drawn out still resist a little"
     },
-    "reservoir": {"coefficient of discharge less 0.60": "0.67 with a slot ten spacings wide in a bed four spacings thick: finer ones were not run"},
+    "reservoir": {
+        "coefficient of discharge less 0.60": "0.67 with a slot ten spacings wide in a bed four spacings thick: finer ones were not run"
+    },
     "braga_column": {"it is least at, *": _BY_EYE, "level *": _DENSE},
     "braga_pool": {"it is least at, *": _BY_EYE},
     "braga_collision": {"it is least at, *": _BY_EYE},
