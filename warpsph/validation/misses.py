@@ -27,9 +27,7 @@ EXPECTED: Mapping[str, Mapping[str, str]] = {
     "solitary": {
         "celerity, H / d = 0.2": "1.4 % with twenty rows, as lattices that are drawn out still resist a little"
     },
-    "reservoir": {
-        "coefficient of discharge less 0.60": "0.67 with a slot ten spacings wide in a bed four spacings thick: finer ones were not run"
-    },
+    "reservoir": {"coefficient of discharge less 0.60": "0.67 with a slot ten spacings wide: finer ones were not run"},
     "braga_column": {"it is least at, *": _BY_EYE, "level *": _DENSE},
     "braga_pool": {"it is least at, *": _BY_EYE},
     "braga_collision": {"it is least at, *": _BY_EYE},
