@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpsph.kernels.viscosity import VISCOUS_COURANT
+from warpsph.kernels.viscosity import viscous_courant
 from warpsph.rheology import MARGIN, kinematic_viscosities, legendre_stages, needed_stages, step_in_courants, viscous
 from warpsph.scene.numerics import MOST_STAGES
 
@@ -13,6 +13,7 @@ TOLERANCE = 1e-12
 POOL = """
 title: Two fluids
 spacing: 0.1
+smoothing: {kernel: wendland_c2, ratio: 1.5}
 materials:
   water: {density: 1000.0, sound_speed: 40.0, dynamic_viscosity: 1.0}
   mud: {density: 2000.0, sound_speed: 50.0, alpha: 0.1}
@@ -83,11 +84,12 @@ def test_no_viscosity(make_scene, device):
     ("mean", "greatest"), [("arithmetic", 1.0 / 1000.0), ("harmonic", 1.0 / 1000.0)], ids=["arithmetic", "harmonic"]
 )
 def test_constant_viscosities(make_scene, device, mean, greatest):
-    found = viscous(make_scene(POOL, f"viscosity.mean={mean}"), device)
+    made = make_scene(POOL, f"viscosity.mean={mean}")
+    found = viscous(made, device)
     assert found.law is None and found.stages == 1
     assert list(found.rheology.consistency.numpy()) == [1.0, 0.0, 1.0]  # the last is for particles that have left
     assert found.greatest == pytest.approx(greatest)
-    assert found.longest_step == pytest.approx(VISCOUS_COURANT["morris"] * 0.15**2 / greatest)
+    assert found.longest_step == pytest.approx(viscous_courant("morris", made.smoothing.kernel) * 0.15**2 / greatest)
 
 
 @pytest.mark.parametrize(("mean", "greatest"), [("arithmetic", 2000.5 / 1000.0), ("harmonic", 4000.0 / 2000.0)])

@@ -9,11 +9,11 @@ import warp as wp
 
 from warpsph.kernels.artificial_viscosity import artificial_share
 from warpsph.kernels.rheology import Rheology
-from warpsph.kernels.viscosity import VISCOUS_COURANT
+from warpsph.kernels.viscosity import viscous_courant
 from warpsph.scene.numerics import MOST_STAGES, ViscosityField
 from warpsph.scene.scene import Scene
 
-# Beyond their limit stages are unstable at once, and VISCOUS_COURANT is a limit up to a disorder of 0.2 dx.
+# Beyond their limit stages are unstable at once, and viscous_courant is a limit up to a disorder of 0.2 dx.
 MARGIN = 0.9
 
 
@@ -49,7 +49,7 @@ def legendre_stages(count: int) -> list[Stage]:
 
 
 def step_in_courants(stages: int) -> float:
-    """The longest stable step with so many stages, over that which VISCOUS_COURANT gives a single sweep.
+    """The longest stable step with so many stages, over that which viscous_courant gives a single sweep.
 
     A single sweep takes a velocity that is predicted, which halves the step of Euler's scheme.
     """
@@ -121,7 +121,7 @@ def viscous(scene: Scene, device: wp.Device) -> Viscous | None:
     ]
     densities = [material.density for material, _ in product(materials, materials)]
     greatest = max(mu / density for mu, density in zip(pairs, densities, strict=True))
-    single = VISCOUS_COURANT[settings.form] * scene.smoothing_length**2 / greatest
+    single = viscous_courant(settings.form, scene.smoothing.kernel) * scene.smoothing_length**2 / greatest
     by_sound = scene.run.courant * scene.smoothing_length / max(material.sound_speed for material in materials)
     stages = settings.stages or needed_stages(by_sound / single)
     return Viscous(

@@ -204,6 +204,9 @@ WEIGHT = {
     "cubic_spline": lambda q: (
         np.select([q < 1, q < 2], [2 / 3 - q**2 + q**3 / 2, (2 - q) ** 3 / 6], 0.0) * 15 / (7 * math.pi)
     ),
+    "quintic_spline": lambda q: (
+        1.5**2 * 7 / (478 * math.pi) * sum(c * np.maximum(a - 1.5 * q, 0.0) ** 5 for a, c in ((3, 1), (2, -6), (1, 15)))
+    ),
     "gaussian": lambda q: np.where(q < 3, np.exp(-(q**2)) / (math.pi * (1 - math.exp(-9))), 0.0),
 }
 

@@ -18,9 +18,9 @@ from warpsph.kernels.stress import (
 from warpsph.kernels.viscosity import (
     MEAN,
     VISCOSITY,
-    VISCOUS_COURANT,
     normalised_viscosity,
     viscous_acceleration_kernel,
+    viscous_courant,
 )
 
 # Single precision, sums of some thirty terms that nearly cancel: relative to the largest of what is compared.
@@ -388,6 +388,7 @@ def test_quadratic_profile_on_a_lattice(make_cloud, lattice, form, ratio, error,
 
     At h = 1.5 dx with the Wendland kernel it is 0.3 % (morris), 0.5 % (stress) and 11 % (cleary).
     """
+    ratio *= 1.25 if smoothing == "quintic_spline" else 1.0  # which is narrower at the same h
     mu = measured_viscosity(make_cloud, lattice, form, ratio, 0.0, smoothing)
     np.testing.assert_allclose(mu, 2.0, rtol=error)
 
@@ -447,7 +448,7 @@ def fastest_decay(cloud, form: str) -> float:
 def test_longest_step_is_stable_and_not_timid(make_cloud, lattice, form, jitter, smoothing):
     """lambda dt <= 1 with dt = C rho h^2 / mu, and not less than a quarter."""
     cloud = make_cloud(shaken(lattice(15, 15), jitter), ratio=1.5, smoothing=smoothing)
-    dt = VISCOUS_COURANT[form] * 1000.0 * cloud.h**2
+    dt = viscous_courant(form, smoothing) * 1000.0 * cloud.h**2
     found = fastest_decay(cloud, form) * dt
     assert 0.25 < found < 1.0
 
