@@ -256,7 +256,6 @@ def test_shifting_keeps_a_stretched_drop_in_order(make_scene, device, integrator
     found = []
     for model in ("none", "fickian"):
         overrides = ["materials.water.alpha=0.1", "density_diffusion.model=fourtakas", f"shifting.model={model}"]
-        overrides += ["smoothing.kernel=wendland_c2", "smoothing.ratio=1.4"]  # whose particles part in columns
         scene = make_scene(DROP, "spacing=0.04", f"run.integrator={integrator}", "run.courant=0.25", *overrides)
         placement = place(scene)
         velocity = placement.position * [1.0, 0.0, -1.0]
@@ -424,8 +423,8 @@ def test_same_bits_on_any_number_of_threads_and_again(make_collapse, device, bit
 
 @pytest.mark.parametrize("text", [DROP, COLLISION])
 def test_collected_blocks_make_the_same_steps(make_scene, bits, monkeypatch, text):
-    """As on a GPU, up to the particle that becomes absurd, which with this kernel is one alone."""
-    scene = make_scene(text, "smoothing.kernel=wendland_c2", "smoothing.ratio=1.4")
+    """As on a GPU, up to the particle that becomes absurd."""
+    scene = make_scene(text)
     found = []
     for collects in (False, True):
         monkeypatch.setattr(blocks, "is_interleaved", lambda device, collects=collects: collects)

@@ -6,7 +6,7 @@ import pytest
 
 from warpsph.cli import SCENES
 from warpsph.run import Run
-from warpsph.scene.scene import load_scene
+from warpsph.scene.loading import load_scene
 from warpsph.validation import as_dicts
 from warpsph.validation.braga import STUDIES, measure, measure_ours
 

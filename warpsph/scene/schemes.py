@@ -24,21 +24,12 @@ ONLY: Mapping[str, Mapping[str, Any]] = {
 SUITS: Mapping[str, Mapping[str, Any]] = {"mueller": {"smoothing.ratio": 1.3}}
 
 
-# h / dx at which a lattice under pressure neither buckles nor resists shear as an elastic body would: "A lattice under
-# pressure" in kernels/README.md. That of the default kernel is the default of the field.
-RATIO: Mapping[str, float] = {"wendland_c2": 2.0, "quintic_spline": 1.42, "cubic_spline": 1.2, "gaussian": 1.4}
-
-
 def suited(data: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a scene as they were read, with what suits its scheme and its kernel where they say nothing."""
+    """The fields of a scene as they were read, with what its scheme has where they say nothing."""
     scheme = data.get("scheme")
     if isinstance(scheme, str):
         for path, value in {**ONLY.get(scheme, {}), **SUITS.get(scheme, {})}.items():
             data = _with_default(data, path.split("."), value)
-    smoothing = data.get("smoothing")
-    kernel = smoothing.get("kernel") if isinstance(smoothing, dict) else None
-    if isinstance(kernel, str) and kernel in RATIO:
-        data = _with_default(data, ["smoothing", "ratio"], RATIO[kernel])
     return data
 
 
