@@ -110,6 +110,8 @@ def _surface_problems(folder: Path) -> Iterator[str]:
         spacing = float(particles.GetWidthsAttr().Get()[0])
         for frame in _frames(stage):
             values = (mesh.GetPointsAttr().Get(frame), mesh.GetFaceVertexIndicesAttr().Get(frame))
+            if not particles.GetPointsAttr().Get(frame):
+                continue  # a fluid that has left has no surface
             if None in values:
                 yield f"{prim.GetPath()}, frame {frame}: the surface is missing"
                 continue
