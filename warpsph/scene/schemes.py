@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import reduce
 from typing import Any, Literal
 
 Scene = Any  # of scene.py, which imports this file
@@ -58,22 +59,14 @@ def strange_to_scheme(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "run.time_step", f"{words}; other steps are as long as they may be, by run.courant"
 
 
-def _values(scene: Scene) -> dict[str, Any]:
-    """What stands where the scheme mueller knows one thing alone, but for materials."""
-    return {
-        "density_diffusion.model": scene.density_diffusion.model,
-        "tensile_correction": scene.tensile_correction,
-        "wall_model.force": scene.wall_model.force,
-        "run.integrator": scene.run.integrator,
-    }
-
-
 def _strange_to_mueller(scene: Scene) -> Iterator[tuple[str, str]]:
     known = ONLY["mueller"]
-    values = {path: (value, known[path]) for path, value in _values(scene).items()}
+    values = {path: (reduce(getattr, path.split("."), scene), only) for path, only in known.items() if "*" not in path}
+    of_materials = {path.removeprefix("materials.*."): only for path, only in known.items() if "*" in path}
     for name, material in scene.materials.items():
-        for field in ("state_equation", "alpha"):
-            values[f"materials.{name}.{field}"] = (getattr(material, field), known[f"materials.*.{field}"])
+        values |= {
+            f"materials.{name}.{field}": (getattr(material, field), only) for field, only in of_materials.items()
+        }
         if material.rheology:
             yield f"materials.{name}.rheology", "the scheme mueller has no rheology; give a dynamic_viscosity"
     for path, (value, only) in values.items():
