@@ -137,7 +137,7 @@ class Model:
         self.wall_block = wp.array(blocks_in_use(self.grid, cells.start.numpy()), dtype=int, device=device)
         self.near_wall = wp.zeros(len(cells.start) - 1, dtype=wp.uint8, device=device)
         reach = math.ceil(self.wall_radius * self.grid.inverse_edge)
-        launcher.run(mark_walls, len(self.near_wall), [self.grid, reach, self.wall_start, self.near_wall])
+        launcher.run(mark_walls, len(self.near_wall), self, cells=reach)
 
     def _parameters(self, scene: Scene, placement: Placement, materials: list[Material], capacity: int) -> Parameters:
         kernel = SMOOTHING[scene.smoothing.kernel]

@@ -214,7 +214,7 @@ class State:
         """
         m, device = self.model, self.model.launcher.device
         pressure = wp.empty(m.particle_count, dtype=float, device=device)
-        m.launcher.run(find_pressure, m.particle_count, [m.parameters, self.density, self.fluid, pressure])
+        m.launcher.run(find_pressure, m.particle_count, m, self, pressure=pressure)
         arrays = {name: getattr(self, name) for name in ("position", "velocity", "density", "fluid")}
         arrays["pressure"] = pressure
         if m.viscous is not None and m.viscous.law is not None:
@@ -238,5 +238,6 @@ class State:
     def _in_id_order(self, values: wp.array) -> wp.array:
         """A copy of an array of the particles, in id order."""
         ordered = wp.empty_like(values)
-        self.model.launcher.run(scatter_kernel(values.dtype), len(values), [self.id, values, ordered])
+        places = {"place": self.id, "values": values, "values_out": ordered}
+        self.model.launcher.run(scatter_kernel(values.dtype), len(values), **places)
         return ordered

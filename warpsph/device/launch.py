@@ -300,6 +300,6 @@ class Launcher:
         wp.synchronize_stream(self.device)
         return self._pinned[key].numpy()
 
-    def run(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> None:
-        """Launch once, with the arguments after `first` in the order of the kernel's parameters."""
-        self.record_in_order(kernel, count, arguments)()
+    def run(self, kernel: wp.Kernel, count: int, /, *owners: object, **named: Any) -> None:
+        """Launch once, with arguments as `record` takes them."""
+        self.record(kernel, count, *owners, **named)()

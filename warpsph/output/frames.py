@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from warpsph.bodies.body_set import rotation
-from warpsph.device.launch import CAPTURE, launch
+from warpsph.device.launch import CAPTURE, bound, launch
 from warpsph.kernels.pictures import paint_discs, paint_spheres
 from warpsph.output.camera import Camera
 from warpsph.output.plots import GREY, INK, style_labels
@@ -271,18 +271,21 @@ class FrameWriter:
         height, width, _ = self._pixels.shape
         pixels = self._spacing * self._scale
         radius = 0.5 * (pixels if pixels >= SMALLEST_DISC else 2.0**0.5 * pixels)
-        arrays = [
-            (center.astype(np.float32)[None], wp.vec2),
-            ((255.0 * color).astype(np.float32)[None], wp.vec3),
-            (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
-        ]
-        kernel, numbers = paint_discs, [0, len(flat), radius, width, *self._box]
+        arrays = {
+            "center": (center.astype(np.float32)[None], wp.vec2),
+            "color": ((255.0 * color).astype(np.float32)[None], wp.vec3),
+            "pixels": (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
+        }
+        lower, upper = self._box
+        given = {"count": len(flat), "radius": radius, "width": width, "lower": lower, "upper": upper}
+        kernel = paint_discs
         if self._shading == LIT:
-            kernel, numbers = paint_spheres, [0, len(flat), width, *self._box]
-            arrays.insert(1, ((radius * size).astype(np.float32)[None], wp.float32))
+            kernel = paint_spheres
+            arrays["radius"] = ((radius * size).astype(np.float32)[None], wp.float32)
         with CAPTURE:  # frames are drawn while steps go on
-            seen = [wp.array(values, dtype=dtype, device="cpu", copy=False) for values, dtype in arrays]
-            launch(kernel, dim=1, inputs=[*numbers, *seen], device="cpu")
+            for name, (values, dtype) in arrays.items():
+                given[name] = wp.array(values, dtype=dtype, device="cpu", copy=False)
+            launch(kernel, dim=1, inputs=[0, *bound(kernel, (), given)], device="cpu")
 
 
 def png_bytes(pixels: np.ndarray) -> bytes:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from warpsph.device.launch import launch
+from warpsph.device.launch import bound, launch
 from warpsph.kernels.packing import pack_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid
@@ -61,13 +61,17 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         with wp.ScopedDevice("cpu"):
             here = wp.array(points, dtype=wp.vec3)
             there = wp.empty_like(here)
-            fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
-            planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
-            given = [h, norm, dx, int(scene.dimensions == 2), *planes]
-            grid = wp.HashGrid(*cells)
+            grid, pack = wp.HashGrid(*cells), pack_kernel(scene.smoothing.kernel)
+            given = {"grid": grid.id, "h": h, "gradient_norm": norm, "spacing": dx} | {
+                "in_plane": int(scene.dimensions == 2),
+                "plane_normal": wp.array(normals, dtype=wp.vec3),
+                "plane_offset": wp.array(offsets, dtype=float),
+                "volume": wp.array(volumes, dtype=float),
+                "mobility": wp.array(mobility, dtype=float),
+            }
             for sweep in range(sweeps):
                 grid.build(here, reach)
-                launch(pack_kernel(scene.smoothing.kernel), len(points), [0, grid.id, *given, here, *fixed, there])
+                launch(pack, len(points), [0, *bound(pack, (), given | {"position": here, "position_out": there})])
                 here, there = there, here
                 if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                     break

@@ -473,11 +473,11 @@ def _interpolated(run: Run, correction: str, constant: float = 1.0) -> tuple[np.
     exact = place[:, 0] + place[:, 2]
     device, norm = model.launcher.device, model.parameters.kernel_norm
     f = wp.array(exact, dtype=wp.float64, device=device)
-    found, in_every_step = wp.zeros_like(f), [1, wp.zeros(1, dtype=int, device=device)]
+    found, in_every_step = wp.zeros_like(f), {"every": 1, "step": wp.zeros(1, dtype=int, device=device)}
     model.parameters.kernel_norm = norm * constant
-    inputs = [*in_every_step, state.position_volume, state.fluid, lists.neighbour_count, lists.neighbour_list, f]
     kernel = density_filter_kernel(model.formulas.smoothing, correction, by_volume=False, layout=model.layout)
-    model.launcher.run(kernel, model.particle_count, [model.parameters, *inputs, found])
+    fields = {"density": f, "filtered_density": found}
+    model.launcher.run(kernel, model.particle_count, model, state, lists, **in_every_step, **fields)
     model.parameters.kernel_norm = norm
     return found.numpy(), exact
 
