@@ -30,7 +30,7 @@ from warpsph.step.bodies import MOST_MOTION
 
 # Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].
 PROGRAM = 420e6
-# More than this share of what is free is not asked for.
+# At most this share of the free memory is asked for.
 MOST_SHARE = 0.97
 
 
@@ -229,7 +229,7 @@ def _placing(scene: Scene, counts: Counts) -> float:
 
 
 def _outputs(scene: Scene, counts: Counts) -> float:
-    """Bytes of a snapshot, and of what it takes besides to take it or to make a frame of it: about as much."""
+    """Bytes of a snapshot, and of the copies that taking it or making a frame of it needs: about as much."""
     if not (scene.output.pictures or scene.output.usd or scene.output.vtk):
         return 0.0
     return 124.0 * counts.particles
@@ -260,7 +260,7 @@ def free_memory(device: wp.Device) -> float:
 
 
 def refuse_too_big(scene: Scene, counts: Counts, device: wp.Device, slack: float = 1.0) -> None:
-    """Raises NoRoomError for a run that takes more than `slack` times what is free on the device or the host."""
+    """Raises NoRoomError for a run that takes more than `slack` times the free memory of the device or the host."""
     if words := _no_room(scene, counts, device, slack):
         raise NoRoomError(words)
 

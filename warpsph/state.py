@@ -209,7 +209,7 @@ class State:
     def snapshot(self, pinned: dict[str, wp.array] | None = None) -> Snapshot:
         """Copy the fluid to the host, in id order.
 
-        `pinned` is for those who copy again and again: memory that a GPU writes into by itself, many times as fast. It
+        `pinned` is for copies made again and again: memory that a GPU writes into by itself, many times as fast. It
         is made at the first time; the snapshot is good until it is given again.
         """
         m, device = self.model, self.model.launcher.device

@@ -1,4 +1,4 @@
-"""Arrays on a device, and blocks of what bodies own."""
+"""Arrays on a device, and blocks of the points that bodies own."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class ContactLegs:
 
 
 def _table(kind: int, count: int, **known: Array) -> ContactLegs:
-    """`count` legs of one kind; what is not `known` of them is nothing, or without end."""
+    """`count` legs of one kind; a field that is not `known` is 0, or without end."""
     none = {"radius": np.zeros(count), "length": np.full(count, math.inf), "into": np.zeros((count, 2, 3))}
     none |= {"start": np.zeros((count, 2)), "end": np.zeros((count, 2)), "reach": np.full(count, math.inf)}
     none |= {"width": np.tile([-math.inf, math.inf], (count, 1)), "borders": np.zeros(count, int)}
@@ -237,7 +237,7 @@ def contact_points(outline: Outline, side: int) -> ContactPoints:
 @singledispatch
 def contact_of(wall: object, way: int, depth: float) -> tuple[list[ContactLegs], list[ContactPoints]]:
     """A wall as contact sees it: as drawn, with its free side on the left of the way along (`way` 1) or on the right
-    (-1), or outside or inside of what is closed; `depth` [m] as of `contact_legs`.
+    (-1), or outside or inside of a closed outline; `depth` [m] as of `contact_legs`.
 
     A new kind of wall registers its own.
     """

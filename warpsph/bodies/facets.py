@@ -62,7 +62,7 @@ class FacetEdge:
 
 @dataclass(frozen=True)
 class Faces:
-    """Faces, of which a mesh from a file has many: those of number i are the borders first[i] .. first[i + 1] - 1.
+    """Faces, of which a mesh from a file has many: face i has the borders first[i] .. first[i + 1] - 1.
 
     Attributes:
         normal, along: As of `Face`, shape [n, 3].
@@ -87,7 +87,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class FacetEdges:
-    """Edges; arrays of what a `FacetEdge` has, with `length` of shape [n]."""
+    """Edges: arrays of the fields of a `FacetEdge`, with `length` of shape [n]."""
 
     start: Array
     way: Array
@@ -160,7 +160,7 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
         normals[order[begin]], ways[order[begin], 0], 3 * np.append(begin, len(order)).astype(np.int64), *borders
     )
     bulging = vertices[is_corner]
-    # Neighbours together, for contact to pass over what is far away.
+    # Neighbours together, so that contact passes over far parts.
     size = float(np.ptp(vertices, axis=0).max()) / 64.0
     if len(first):
         order = np.argsort(along_curve(starts + 0.5 * spans[:, None] * directions, size), kind="stable")

@@ -19,7 +19,7 @@ BLOCK = 1 << 20
 class MeshQueries:
     """A mesh that is asked for its nearest triangles and for its inside.
 
-    Single precision, about the middle of the mesh and in units of its size: places are good to 1e-7 of that.
+    Single precision, about the middle of the mesh, lengths over its size: places are good to 1e-7 of its size.
     """
 
     def __init__(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:

@@ -90,7 +90,7 @@ def drift_and_converted(record: Mapping[str, np.ndarray], at_stake: float = 0.0)
     """How far the energy sum of the fluids strayed from its first value, and how much was converted [J or J/m].
 
     What was converted is the span of their potential energy, or of their kinetic energy where that is wider: water that
-    a body or a paddle drives gets much of what they lose, and little of it from its own height. Both are the same
+    a body or a paddle drives gets much of their energy, and little from its own height. Both are the same
     wherever heights count from.
 
     `record` holds the columns of an energy.csv, each of shape [row_count]; both are 0 without a row. Where it is less

@@ -3,7 +3,7 @@
 All of them read the fluid alone, whatever law its walls have. At a place x a field is the value of the linear function
 that fits the particles around best, weighted by their kernel (moving least squares of first order, Lancaster &
 Salkauskas 1981), so that on a wall, where half of the kernel sees no fluid, it is the wall's own. The force on a wall
-is the integral of that pressure over its surface: what rubs along the wall is not in it.
+is the integral of that pressure over its surface, without friction along it.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ class Instruments:
 
 
 def _without_drops(wet: NDArray[np.int64], along: Array, spacing: float) -> NDArray[np.int64]:
-    """Of the indices of wet pieces those in runs that are long enough; all of them where no outline orders them."""
+    """The indices of wet pieces that lie in runs long enough; all wet pieces where no outline orders them."""
     if not len(wet) or np.isnan(along[wet]).any():
         return wet
     steps = np.diff(along[wet])

@@ -40,7 +40,7 @@ SETTLING, LEAST = 2.0, 3.0
 
 
 def analysis(scene: Scene, folder: Path) -> dict[str, Any]:
-    """The extremes of each instrument, the waves that were made, and how records compare with what was observed."""
+    """The extremes of each instrument, the waves that were made, and how records compare with observations."""
     facts = {"instruments": _extremes(scene, folder), "wave train": _train(scene, folder)}
     return {name: value for name, value in (facts | {"observed": _observed(scene, folder)}).items() if value}
 
@@ -202,14 +202,14 @@ def _solitary(scene: Scene, maker: WaveMaker, folder: Path) -> dict[str, Any]:
 
 
 def _observed(scene: Scene, folder: Path) -> dict[str, dict[str, float]]:
-    """How each record compares with what was observed; what cannot be read is told, not raised."""
+    """How each record compares with observations; a file that cannot be read is told, not raised."""
     found = {}
     for name, observed, heading in _held_against(scene):
         record = _columns(folder / f"{name}.csv")
         if heading not in record:
             continue
         try:
-            # A level was observed above that at rest.
+            # A level was observed above rest.
             rest = record[heading][0] if name.startswith("gauges/") else 0.0
             result = compared(record["time [s]"], record[heading] - rest, *read_observed(observed))
         except ValueError as error:
@@ -236,7 +236,7 @@ def _held_against(scene: Scene) -> Iterator[tuple[str, Observed, str]]:
 
 
 def instrument_plots(run_dir: Path, scene: Scene) -> Iterator[tuple[str, Figure]]:
-    """Caption and figure of what probes observed elsewhere, and of the spectra of a sea, for the report."""
+    """Caption and figure of observed probes, and of the spectra of a sea, for the report."""
     for name, observed, heading in _held_against(scene):
         record = _columns(run_dir / f"{name}.csv")
         if name.startswith("gauges/") or heading not in record or len(record["time [s]"]) < 2:
@@ -263,7 +263,7 @@ def _draw_observed(record: dict[str, np.ndarray], heading: str, seen: tuple[np.n
 
 
 def _draw_spectra(scene: Scene, maker: WaveMaker, run_dir: Path) -> Figure | None:
-    """Spectra of all gauges, bands of eight frequencies, over that asked for; None where records are too short."""
+    """Spectra of all gauges, bands of eight frequencies, over the one asked for; None where records are too short."""
     height, period = _size(maker)
     figure, axes = small_plot()
     drawn = False

@@ -1,4 +1,4 @@
-"""A run's claim on its folder: a mark of what is its own there, a lock while it runs, and an earlier run taken away."""
+"""A run's claim on its folder: a list of its own files, a lock while it runs, the removal of an earlier run."""
 
 from __future__ import annotations
 
@@ -225,5 +225,5 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def digest(data: bytes) -> str:
-    """The SHA-256 of what a file holds, in hexadecimal digits."""
+    """The SHA-256 of a file's bytes, in hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()

@@ -53,7 +53,7 @@ FLAT, LIT = "flat", "lit"
 
 @dataclass(frozen=True)
 class Marks:
-    """What is marked in pictures besides what is there.
+    """Marks in pictures, besides the fluid, walls and bodies.
 
     Attributes:
         gauges: Where each gauge stands, x, y [m], by its name.
@@ -206,8 +206,8 @@ class FrameWriter:
         """What lies over the particles in every frame, drawn once: Matplotlib takes longer than to paint a frame.
 
         Returns:
-            The pixels that it covers, shape [n]; the ink on each, [n, 3], of 0 to 255; and the share of what is below
-            that is seen through it, [n, 1].
+            The pixels that it covers, shape [n]; the ink on each, [n, 3], of 0 to 255; and the share of the particles
+            below that is seen through it, [n, 1].
         """
         drawn = []
         for paper in (0, 255):

@@ -169,7 +169,7 @@ def _loose_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _slab(corners: np.ndarray, half_width: float) -> tuple[np.ndarray, list[list[int]]]:
-    """Points and faces of what an outline encloses, counter-clockwise, shape [n, 3], widened along y."""
+    """Points and faces of the area that an outline encloses, counter-clockwise, shape [n, 3], widened along y."""
     count = len(corners)
     reach = np.array([0.0, half_width, 0.0])
     sides = [[i, (i + 1) % count, count + (i + 1) % count, count + i] for i in range(count)]
@@ -226,7 +226,7 @@ class UsdCache:
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
         walls: Name of each wall and its outline in the x-z plane [m], shape [corner_count, 2]; a closed outline ends
             where it starts. In 3-D its four-cornered faces [m], shape [face_count, 4, 3].
-        bodies: Name of each rigid body and what is drawn of it.
+        bodies: Name of each rigid body and its drawing.
         spacing: Particle spacing [m], drawn as the diameter of a particle.
         origin: From where all points count [m]: where the world is put.
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
@@ -439,7 +439,7 @@ class UsdCache:
         aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetHorizontalApertureAttr().Get() * 9.0 / 16.0
         camera.CreateVerticalApertureAttr(aperture[1])
         focal = camera.GetFocalLengthAttr().Get()
-        # So far off that what is nearest still fits, with a tenth of air around it.
+        # So far off that the nearest part still fits, with a tenth of air around it.
         distance = deep + 1.1 * 2.0 * focal * max(wide / aperture[0], tall / aperture[1])
         camera.CreateFocusDistanceAttr(distance)
         camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
@@ -452,7 +452,7 @@ class UsdCache:
         sky.CreateColorAttr(Gf.Vec3f(1.0))
         sun = UsdLux.DistantLight.Define(stage, f"{LIGHT_SCOPE}/sun")
         sun.CreateIntensityAttr(1.0)
-        sun.CreateNormalizeAttr(True)  # the intensity is that on a surface, however small the sun's disc
+        sun.CreateNormalizeAttr(True)  # the intensity counts on a surface, however small the sun's disc
         sun.CreateAngleAttr(1.0)
         UsdGeom.Xformable(sun).AddRotateXYZOp().Set(Gf.Vec3f(40.0, -20.0, 0.0))
 

@@ -238,7 +238,7 @@ def _motion_problems(before: Arrays, after: Arrays, dt: float, diameter: float, 
     if not stayed.all():
         before = {name: values[stayed] for name, values in before.items() if len(values) == len(stayed)}
     if not np.array_equal(before["ids"], after["ids"]):
-        yield "ids are not those of the frame before"
+        yield "ids differ from the frame before"
         return
     moved = after["points"].astype(np.float64) - before["points"]
     velocity, next_velocity = (arrays["velocities"].astype(np.float64) for arrays in (before, after))

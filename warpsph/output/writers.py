@@ -64,7 +64,7 @@ class Outputs:
         if not self._names:
             return
         snapshot = self._simulation.state.snapshot(self._pinned[self._frame % 2])
-        # Copies: on the CPU the places are views of what the steps that go on write to.
+        # Copies: on the CPU the places are views of arrays that the next steps write to.
         places = [(x.copy(), q.copy()) for x, q in self._simulation.bodies.places()] if self._simulation.bodies else []
         self.wait()
         self._writing = self._thread.submit(self._write, self._frame, snapshot, places)
@@ -223,7 +223,7 @@ def frame_writer(scene: Scene, start: Start, folder: Path) -> FrameWriter:
     camera = Camera.of(projection, low, high)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
     window = list(window_around(camera.project(corners)[0], scene.spacing))
-    for side, axis in enumerate(camera.axes or ()):  # what the scene asks for is what is seen
+    for side, axis in enumerate(camera.axes or ()):  # the scene's own bounds win
         window[side] = getattr(view, axis) or window[side]
     return FrameWriter(
         folder,

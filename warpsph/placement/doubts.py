@@ -39,7 +39,7 @@ def doubts_of(
 ) -> list[str]:
     """Warnings about what can be run but was hardly meant.
 
-    `position` [m], shape [n, 3], are all particles, `counts` those of each fluid; `drawn` are points on each of the
+    `position` [m], shape [n, 3], are all particles, `counts` how many each fluid has; `drawn` are points on each of the
     `walls` [m], shape [n, 3], `dummies` the dummy particles of all walls [m], shape [n, 3].
     """
     ends = np.cumsum(counts).tolist()

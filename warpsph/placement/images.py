@@ -107,7 +107,7 @@ def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
 
 
 def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tuple[list[Edge], list[Image]]:
-    """Edges, and all images through which what is within the edges is seen, up to `radius` [m] beyond them.
+    """Edges, and all images through which the inside of the edges is seen, up to `radius` [m] beyond them.
 
     `lower` and `upper` [m], shape [3], are corners of a box around all that counts. The first images are made by the
     edges, in their order.
@@ -251,7 +251,7 @@ def _gap(image: Image, corners: Array, planes: Sequence[tuple[Array, float]]) ->
 def folded(edges: Sequence[Edge], images: Sequence[Image], position: Array, velocity: Array) -> tuple[Array, Array]:
     """Where particles that have left through an edge since they were folded are seen, and how fast they go.
 
-    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types; without edges they are what is given.
+    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types; without edges they come back.
     """
     if not edges:
         return position, velocity

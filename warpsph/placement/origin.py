@@ -1,4 +1,4 @@
-"""The origin of a scene: what is drawn far from zero, on a map, is placed and run from a point nearby.
+"""The origin of a scene: a drawing far from zero, on a map, is placed and run from a point nearby.
 
 Single precision, in which pairs of particles are summed, has steps of 0.03 m at x = 412,345 m. So the numbers of the
 scene are shifted once, before anything is placed, and what leaves a run has the origin added again.

@@ -43,7 +43,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
     mirrors = [mirror for sites in fluids if sites.cut.any() for mirror in sites.mirrors]
     kernel, h, dx = SMOOTHING[scene.smoothing.kernel], scene.smoothing_length, scene.spacing
     reach = kernel.support * h
-    # What is near what is free, and nothing else, counted from a corner: in single precision.
+    # Points near free ones, and no others, counted from a corner: in single precision.
     low, high = position[free].min(axis=0) - 2.0 * reach, position[free].max(axis=0) + 2.0 * reach
     beside = np.flatnonzero(np.all((position > low) & (position < high), axis=1))
     around = np.all((walls > low) & (walls < high), axis=1)

@@ -1,4 +1,4 @@
-"""From a scene to points: walls sampled evenly, fluids cut from square or cubic lattices, refusals of what cannot be.
+"""From a scene to points: walls sampled evenly, fluids cut from square or cubic lattices, refusals of the impossible.
 
 Everything here happens once, on the host, in double precision, before a particle is made on a device.
 
@@ -75,7 +75,7 @@ class Placement:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many particles each fluid has; those of one fluid follow each other."""
+        """How many particles each fluid has; the particles of one fluid follow each other."""
         ends = np.searchsorted(self.fluid, np.arange(len(self.volume) + 1, dtype=np.int32))
         return tuple(np.diff(ends).tolist())
 

@@ -45,7 +45,7 @@ class Form(Protocol):
     Attributes:
         outline: Its exact outline, counter-clockwise, for contact in 2-D.
         mesh: Its exact surface, for contact in 3-D.
-        ball: Centre [m], shape [3], and radius [m] of what touches as a ball.
+        ball: Centre [m], shape [3], and radius [m] of a ball in contact.
     """
 
     outline: Outline | None
@@ -293,7 +293,7 @@ def _filled(points: Array, volumes: Array) -> Surface:
 
 
 def _stood_back(outline: Outline, distance: float) -> Outline:
-    """The outline of the points that push the fluid, `distance` [m] inside of what is drawn."""
+    """The outline of the points that push the fluid, `distance` [m] inside of the drawing."""
     back = outline.offset(distance)
     for before, after in zip(outline.legs, back.legs, strict=True):
         if isinstance(before, Line):

@@ -1,4 +1,4 @@
-"""A scene that holds together: the model of a scene file, and what is known of it as a whole."""
+"""A scene that holds together: the model of a scene file, and facts about the scene as a whole."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ _RENAMED = {"viscosity_beta": "artificial_viscosity_beta", "laminar": "viscosity
 
 
 def place(coordinate: float, origin: float) -> str:
-    """A coordinate of a scene [m] in words, `origin` [m] added: to four figures of what the scene is about."""
+    """A coordinate of a scene [m] in words, `origin` [m] added: to four figures of the scene's size."""
     if not origin:
         return f"{coordinate:.4g}"
     return f"{coordinate + origin:.4f}".rstrip("0").rstrip(".")

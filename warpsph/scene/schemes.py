@@ -21,12 +21,12 @@ ONLY: Mapping[str, Mapping[str, Any]] = {
         "run.integrator": "leapfrog",
     },
 }
-# The same of what may be set otherwise.
+# Fields that suit it, and may be set otherwise.
 SUITS: Mapping[str, Mapping[str, Any]] = {"mueller": {"smoothing.ratio": 1.3}}
 
 
 def suited(data: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a scene as they were read, with what its scheme has where they say nothing."""
+    """The fields of a scene as they were read; a field that is left out has the value of the scheme."""
     scheme = data.get("scheme")
     if isinstance(scheme, str):
         for path, value in {**ONLY.get(scheme, {}), **SUITS.get(scheme, {})}.items():

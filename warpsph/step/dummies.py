@@ -19,7 +19,7 @@ from warpsph.step.bodies import Coupling
 
 
 class DummyLists:
-    """The dummies of a state: those of walls, in the order of its model's, then those of bodies.
+    """The dummies of a state: first the walls', in the order of its model, then the bodies'.
 
     Attributes:
         count: How many there are.
@@ -111,7 +111,7 @@ class DummyLists:
         return self.first
 
     def list_around(self, total: int) -> bool:
-        """List them, of whom there are `total`. Returns True where launches must be recorded again: the list grew."""
+        """List these `total` particles. Returns True where launches must be recorded again: the list grew."""
         grown = total > len(self.list)
         if grown:
             self.list = wp.zeros(total + total // 4, dtype=int, device=self._model.launcher.device)
@@ -162,7 +162,7 @@ class DummyLists:
         self._press()
 
     def carry_velocity(self, packed_velocity: wp.array) -> Launch:
-        """The launch that gives the dummies (u, v, w, mu) of the fluid, behind those of the particles."""
+        """The launch that gives dummies the fluid's (u, v, w, mu), behind the particles' in the array."""
         m, s, n = self._model, self._state, self._model.particle_count
         return m.launcher.record(
             kernels.carry_velocity_kernel(m.scene.smoothing.kernel),

@@ -16,8 +16,8 @@ from warpsph.validation.result import Result, against, at_most
 def measure_sinking_disc(run: Run) -> list[Result]:
     """Bar: momentum of fluid and body changes by gravity and walls alone, to 1e-5 of the impulse exchanged.
 
-    The scene is run again, and stopped after each step to take down what walls do to the fluid (their push and that of
-    the body less its reaction) and to the body (contact).
+    The scene is run again, and stopped after each step to take down what walls do to the fluid (their push, and the
+    body's less its reaction) and to the body (contact).
     """
     simulation = Simulation(run.scene, str(run.simulation.launcher.device), run.simulation.launcher.threads)
     simulation.reach(0.0)

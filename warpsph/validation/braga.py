@@ -17,7 +17,7 @@ from warpsph.validation.result import Result, against, at_most
 
 SOURCE = "Braga (2018)"
 GRAVITY = 9.8
-# Energy may come back from what is compressed: this much, over what there was at the start, is no divergence.
+# Energy may come back from compression: this share of the energy at the start, on top of it, is no divergence.
 SLACK = 0.01
 
 
@@ -188,7 +188,7 @@ def _unbalanced(run: Run) -> float:
 
 
 def _fall(run: Run) -> float:
-    """How far the centre of mass is off a free fall, over that fall, until walls have done any work."""
+    """How far the centre of mass is off a free fall, over the fall, until walls have done any work."""
     record = read_record(run.folder / "fluids" / "drop.csv")
     time, z = record["time [s]"], record["z [m]"]
     flies = (read_record(run.folder / "energy.csv")["wall work [J/m]"] == 0.0) & (time > 0.0)

@@ -52,12 +52,12 @@ class Profile:
 
     @property
     def error(self) -> float:
-        """Root of the mean square error over that of the exact velocity."""
+        """Root mean square of the error over the root mean square of the exact velocity."""
         return float(np.sqrt(np.mean((self.u - self.exact) ** 2) / np.mean(self.exact**2)))
 
     @property
     def peak(self) -> float:
-        """Relative error of the greatest velocity, that of the exact solution being taken at the particles."""
+        """Relative error of the greatest velocity; the exact one is taken at the particles."""
         return float(self.u.max() / self.exact.max() - 1.0)
 
 
