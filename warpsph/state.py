@@ -180,9 +180,8 @@ class State:
 
         # The clock, one entry each, side by side so that the host reads all of it at once.
         self._clock = zeros(wp.uint8, CLOCK.itemsize)
-        for name in CLOCK.names:
-            dtype, offset = CLOCK.fields[name][:2]
-            setattr(self, name, alias(self._clock, _WARP_TYPES[dtype.str], 1, offset))
+        for name, (kind, offset, *_) in (CLOCK.fields or {}).items():
+            setattr(self, name, alias(self._clock, _WARP_TYPES[kind.str], 1, offset))
         self.time.fill_(model.scene.start_time)
         self.target.fill_(model.scene.start_time)
         self.last_step.fill_(NO_LAST_STEP)

@@ -101,7 +101,8 @@ class FacetEdges:
         return FacetEdge(self.start[i], self.way[i], self.length[i], self.into[i])
 
 
-NO_FACES = Faces(*(np.empty((0, 3)) for _ in range(2)), np.zeros(1, int), *(np.empty((0, k)) for k in (3, 3, 2)))
+_NONE = np.empty((0, 3))
+NO_FACES = Faces(_NONE, _NONE, np.zeros(1, np.int64), _NONE, _NONE, np.empty((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
     It may have borders. Faces that form a hollow reach `depth` [m] into each other. Triangles without area are left
     out.
     """
-    doubled = np.cross(*(vertices[triangles[:, k]] - vertices[triangles[:, 0]] for k in (1, 2)))
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    doubled = np.cross(b - a, c - a)
     sizes = np.linalg.norm(doubled, axis=1)
     has_area = sizes > 1e-12 * sizes.max()
     triangles, normals = triangles[has_area], doubled[has_area] / sizes[has_area, None]
@@ -190,6 +192,7 @@ def sheet_edges(sheet: Sheet, side: int) -> Facets:
     Its faces are the legs of `bodies.contact_legs`. An arc that bulges is a row of edges; the side borders of one that
     does not are left out.
     """
+    assert sheet.width, "a wall of the plane has no edges"
     outline = sheet.outline if side > 0 else reversed_outline(sheet.outline)
     low, high = sheet.width
     edges: list[FacetEdge] = []

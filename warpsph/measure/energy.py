@@ -1,7 +1,7 @@
 """Energy budget, and the motion of each fluid as a whole."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import warp as wp
@@ -71,7 +71,8 @@ class Energy:
         blocks = self._sums.numpy().reshape(self._shape)
         fluids = blocks.sum(axis=0)
         total = fluids.sum(axis=0)
-        budget = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS), gone=float(self._state.energy_gone.numpy()[0]))
+        present = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS))
+        budget = replace(present, gone=float(self._state.energy_gone.numpy()[0]))
         motions = [
             FluidMotion(
                 mass=float(row[kernels.MASS]),

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -31,7 +31,7 @@ from warpsph.output.camera import Camera
 from warpsph.output.plots import GREY, INK, style_labels
 
 if TYPE_CHECKING:
-    from warpsph.output.usd import DrawnBody, Place
+    from warpsph.output.usd_scenery import DrawnBody, Place
     from warpsph.state import Snapshot
 
 Window = tuple[tuple[float, float], tuple[float, float]]
@@ -121,7 +121,9 @@ class FrameWriter:
         self._shades = np.stack([_shades(color) for color in fluids.values()])
         away = np.array(origin)
         self._shift = np.array([away @ camera.right, away @ camera.up]) if camera.axes else np.zeros(2)
-        shown = tuple((low + more, high + more) for (low, high), more in zip(window, self._shift, strict=True))
+        (left, right), (low, high) = window
+        aside, up = self._shift.tolist()
+        shown = (left + aside, right + aside), (low + up, high + up)
         self._figure, axes, legend = _lay_out(shown, fluid_count=len(fluids), names=camera.axes)
         if self._shift.any():
             axes.ticklabel_format(useOffset=False, style="plain")
@@ -178,7 +180,7 @@ class FrameWriter:
 
     def _mark(self, axes: Axes, marks: Marks, shown: Window) -> list[LineCollection]:
         """Mark gauges, below the particles, and still levels, over them: these are returned."""
-        style = {"color": INK, "fontsize": 9, "ha": "center"}
+        style: dict[str, Any] = {"color": INK, "fontsize": 9, "ha": "center"}
         for name, (x, y) in marks.gauges.items():
             foot, head = self._flat(np.array([[x, y, z] for z in marks.height]))
             if self._camera.axes == ("x", "z"):
@@ -233,7 +235,7 @@ class FrameWriter:
         for artist, body, (x, q) in zip(self._bodies, self._drawn_bodies, places, strict=True):
             corners = x + body.corners @ rotation(q).T
             flat, depth, _ = self._camera.project(corners)
-            faces = body.faces
+            faces: Sequence[Any] | np.ndarray = body.faces
             if len(faces) > 1:
                 faces, colors = _faces_seen(corners, flat, depth, np.array(faces), body.color)
                 artist.set(facecolors=colors, edgecolors=colors)
@@ -303,7 +305,7 @@ def png_bytes(pixels: np.ndarray) -> bytes:
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits a channel, RGB, nothing special
-    parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines, 1)), chunk(b"IEND", b"")
+    parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines.data, 1)), chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
@@ -371,6 +373,6 @@ def _draw_legend(axes: Axes, names: Sequence[str], shades: np.ndarray, speed_sca
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.set_xticks([0.0, 0.5 * speed_scale, speed_scale], ["0", "speed [m/s]", f"{speed_scale:.3g}"])
     for label, side in zip(axes.get_xticklabels(), ("left", "center", "right"), strict=True):
-        label.set_horizontalalignment(side)
+        label.set(ha=side)
     axes.tick_params(length=0, labelcolor=INK, labelsize=10, pad=4)
     axes.spines[:].set_visible(False)

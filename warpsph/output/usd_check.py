@@ -13,18 +13,8 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from warpsph.output.surface import enclosed_volume, is_watertight, particle_volume
-from warpsph.output.usd import (
-    BODY_SCOPE,
-    CAMERA,
-    CLIP_SET,
-    CLIPPED_ATTRIBUTES,
-    CLIPPED_PRIMVARS,
-    FIELDS,
-    FLUID_SCOPE,
-    LIGHT_SCOPE,
-    RHEOLOGY_PRIMVARS,
-    SURFACE_SCOPE,
-)
+from warpsph.output.usd import CLIP_SET, CLIPPED_ATTRIBUTES, CLIPPED_PRIMVARS, FIELDS, RHEOLOGY_PRIMVARS
+from warpsph.output.usd_files import BODY_SCOPE, CAMERA, FLUID_SCOPE, LIGHT_SCOPE, SURFACE_SCOPE
 
 # How far the volume that a surface encloses may be off the volume of its particles.
 VOLUME_ERROR = 0.03

@@ -180,8 +180,7 @@ def _of_gauges(
             if not low[axis] <= place <= high[axis]:
                 beyond = True
                 first, last, here = (x + scene.origin[axis] for x in (low[axis], high[axis], place))
-                reach = f"which reach from {first:.12g} to {last:.12g} m"
-                words = f"{here:.12g} m lies beyond the walls, {reach}"
+                words = f"{here:.12g} m lies beyond the walls, which reach from {first:.12g} to {last:.12g} m"
                 yield scene.error(f"gauges[{i}].{'xy'[axis]}", words)
         if beyond:
             continue

@@ -92,7 +92,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         # The others must make room for it again.
         points[moved[~fits]] = before[~fits] - low
         mobility[moved[~fits]] = -1.0
-    axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
+    axes = np.array([0, 1, 2] if scene.dimensions == 3 else [0, 2])
     position = position.copy()
     position[np.ix_(beside[moved], axes)] = (points[moved] + low)[:, axes]
     return position

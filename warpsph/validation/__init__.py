@@ -145,8 +145,9 @@ def run_case(name: str, scenes: Path, out: Path, *, device: str, threads: int | 
     """Run the scene of a case into `out`/NAME, or the scenes of a series into `out`/NAME/1 and on, and measure them."""
     began = time.perf_counter()
     case = CASES[name]
+    settings: list[tuple[str, ...]] = [()]
     if isinstance(case, Case):
-        folders, scene, settings = [out / name], name, [()]
+        folders, scene = [out / name], name
     else:
         folders = [out / name / str(i) for i, _ in enumerate(case.settings, 1)]
         scene, settings = case.scene, [(*setting, *_BARE) for setting in case.settings]

@@ -198,8 +198,8 @@ def _measure_series(
     runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[BlockImpact], float], source: str
 ) -> list[Result]:
     """One line for each speed, and whether amplitudes grow with the Froude number; the curve goes to `folder`."""
-    found = [slide_of(run) for run in runs]
-    if None in found:
+    found = [slide for slide in map(slide_of, runs) if slide is not None]
+    if len(found) < len(runs):
         return [NO_WAVE]
     slides = sorted(found, key=lambda slide: slide.impact.froude)
     froude, heights = [s.impact.froude for s in slides], [amplitude(s) for s in slides]

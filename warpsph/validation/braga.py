@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -180,7 +181,8 @@ def _rest(study: Study, his: HisRun, run: Run) -> list[Result]:
 def _unbalanced(run: Run) -> float:
     """Momentum at the end less what walls and gravity gave, over what gravity gave."""
     simulation, step = run.simulation, run.scene.run.time_step
-    mass, state = simulation.model.parameters.mass.numpy()[0], simulation.state
+    mass = simulation.model.parameters.mass.numpy()[0]
+    state: Any = simulation.state  # its scheme has given it more arrays
     momentum = float(mass) * state.half_velocity.numpy().astype(float).sum(axis=0)
     weight = float(mass) * simulation.model.particle_count * run.scene.gravity
     given = state.wall_impulse.numpy().sum(axis=0) - [0.0, 0.0, weight * (simulation.time - 0.5 * step)]
