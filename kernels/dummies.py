@@ -101,6 +101,17 @@ def load_floats_in_plane(position_volume: wp.array[float], velocity_pressure: wp
     return x, y, z, V, u, 0.0, w, p
 
 
+# Nearer than this to a dummy, in spacings, fluid is about to go through the wall; at rest it stands at 1 or farther.
+TOUCHING = wp.constant(0.75)
+
+
+@wp.func
+def touching(r: float) -> float:
+    """The pressure that a dummy adds where fluid is r spacings away, over rho c^2."""
+    near = wp.max(1.0 - r / TOUCHING, 0.0)
+    return near * near
+
+
 FLOATS = {2: load_floats_in_plane, 3: load_floats}
 
 
@@ -141,7 +152,7 @@ def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.
         g = parameters.gravity - acceleration[d]
         g_x, g_y, g_z = g[0], g[1], g[2]
         weight, density, pressed, lifted, moved = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
-        bulk, stiffening, inflow, torn = float(0.0), float(0.0), float(0.0), float(0.0)
+        bulk, stiffening, inflow, torn, least = float(0.0), float(0.0), float(0.0), float(0.0), float(1.0e6)
         n = fluid_first[d]
         end = fluid_first[d + 1]
         while n < end:
@@ -152,6 +163,7 @@ def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.
             rho_f = parameters.mass[material] / V_f
             c_f = parameters.sound_speed[material]
             q = wp.sqrt(x * x + y * y + z * z) * parameters.inverse_h
+            least = wp.min(least, q)
             W = shape(q)
             weight += W
             pressed += W * p_f
@@ -168,10 +180,12 @@ def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.
             n += 1
         V, p, power = float(room[d]), float(0.0), float(0.0)
         if weight > 0.0:
-            p = wp.max(pressed + lifted, 0.0) / weight
+            modulus = bulk / weight
+            p = wp.max(pressed + lifted, 0.0) / weight + modulus * touching(
+                least * parameters.inverse_spacing / parameters.inverse_h
+            )
             row = density * wp.length(g) / parameters.inverse_spacing
             V *= reached(wp.max(pressed, 0.0) + lifted + moved, row)
-            modulus = bulk / weight
             V *= modulus / float(density_of(p, modulus, 1.0, stiffening / weight))
             power = V * parameters.gradient_norm * (p * inflow + torn)
         position_volume_out[d] = wp.vec4(x_d[0], x_d[1], x_d[2], V)

@@ -17,7 +17,11 @@ DEVICES = ["cpu", "cuda:0"] if wp.get_cuda_device_count() > 0 else ["cpu"]
 
 
 # Scenes of tests stand between walls that push, unless they say otherwise: the setting by the field that says it.
-PUSHING = {"wall_model": "wall_model.force=radial", "smoothing": "smoothing.ratio=1.5", "xsph": "xsph=0.5"}
+PUSHING = {
+    "wall_model": "wall_model.force=radial",
+    "smoothing": "smoothing={kernel: wendland_c2, ratio: 1.5}",
+    "xsph": "xsph=0.5",
+}
 
 
 @pytest.fixture(scope="session", params=DEVICES)
@@ -77,7 +81,7 @@ gauges:
   - {name: middle, x: 0.4}
 run: {end_time: 1.0}
 wall_model: {force: radial}
-smoothing: {ratio: 1.5}
+smoothing: {kernel: wendland_c2, ratio: 1.5}
 xsph: 0.5
 """
 
@@ -104,7 +108,7 @@ fluids:
 warm_up: {duration: 0.1, damping: 50.0, settling: 0.04}
 run: {end_time: 1.0}
 wall_model: {force: radial}
-smoothing: {ratio: 1.5}
+smoothing: {kernel: wendland_c2, ratio: 1.5}
 xsph: 0.5
 """
 

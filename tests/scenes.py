@@ -13,7 +13,7 @@ Point = Sequence[float]
 
 DUMMIES = "wall_model: {force: dummy_particles}"
 # Walls that push, in texts that are not loaded by `make_scene`, which says the same.
-PUSHING_WALLS = "wall_model: {force: radial}\nsmoothing: {ratio: 1.5}"
+PUSHING_WALLS = "wall_model: {force: radial}\nsmoothing: {kernel: wendland_c2, ratio: 1.5}"
 
 
 def scene(

@@ -25,7 +25,7 @@ spacing: 0.1
 materials: {water: {density: 1000.0, sound_speed: 100.0}}
 walls: [{name: wall, path: [[-1.0, -0.5], [0.5, -0.5], [1.0, 0.5]]}]
 wall_model: {force: radial, set_back: 0.0}
-smoothing: {ratio: 1.5}
+smoothing: {kernel: wendland_c2, ratio: 1.5}
 fluids: [{name: water, material: water, shape: {box: {min: [0.0, 1.0], max: [0.2, 1.2]}}}]
 run: {end_time: 1.0}
 """

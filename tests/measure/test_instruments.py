@@ -143,7 +143,7 @@ BOX = scene(
     [crate(0.3, 0.2, 0.4)],
     [pool(0.2)],
     DUMMIES,
-    "smoothing: {ratio: 1.5}",
+    "smoothing: {kernel: wendland_c2, ratio: 1.5}",
     "xsph: 0.0",
     "probes: [{name: corner, at: [0.0, 0.0, 0.0]}]",
     """forces:

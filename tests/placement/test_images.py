@@ -31,7 +31,7 @@ fluids:
     shape: {box: {min: [0, 0], max: [1, 0.8]}}
 run: {end_time: 1.0}
 wall_model: {force: radial}
-smoothing: {ratio: 1.5}
+smoothing: {kernel: wendland_c2, ratio: 1.5}
 """
 ALONG = "{name: along, periodic: {start: [0, 0], end: [1, 0]}}"
 UP = "{name: up, periodic: {start: [0, 0], end: [0, 0.8]}}"

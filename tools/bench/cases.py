@@ -20,7 +20,7 @@ density_diffusion: {{model: none}}
 tensile_correction: false
 xsph: 0.0
 allow: [low_sound_speed]
-smoothing: {{ratio: 1.5}}
+smoothing: {{kernel: wendland_c2, ratio: 1.5}}
 wall_model: {{force: radial, strength: 0.03}}   # the jet hits the far wall with a fifth of the speed of sound
 walls:
   - {{name: tank, path: [[0.0, 1.5], [0.0, 0.0], [3.0, 0.0], [3.0, 1.5]]}}
@@ -54,7 +54,7 @@ def column_3d(particles: int, overrides: Sequence[str] = ()) -> Case:
     With the walls and the smoothing length that all figures of it were taken with, lists and cells.
     """
     spacing = 0.5 / round(particles ** (1.0 / 3.0))
-    usual = ("wall_model.force=radial", "smoothing.ratio=1.5", "tensile_correction=true")
+    usual = ("wall_model.force=radial", "smoothing={kernel: wendland_c2, ratio: 1.5}", "tensile_correction=true")
     scene = load_scene(SCENES / "column_3d.yaml", [f"spacing={spacing}", *usual, *overrides])
     return Case("column_3d", scene, 1000.0 * 9.81 * 0.5)
 

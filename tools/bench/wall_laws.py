@@ -31,7 +31,7 @@ from warpsph.simulation import BlowUpError, Simulation
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "still_water.yaml"
 LAWS = get_args(WallModel.model_fields["force"].annotation)
 # What walls that push were made for: a support of 1.5 dx, no correction of tension, and seconds to settle in.
-SETTLED = ("smoothing.ratio=1.5", "tensile_correction=false")
+SETTLED = ("smoothing={kernel: wendland_c2, ratio: 1.5}", "tensile_correction=false")
 SETTLED += ("warm_up.duration=8", "warm_up.damping=5", "warm_up.settling=4")
 HEADER = """\
 | law | `set_back` | speed | inside | at walls | first row | level | behind |

@@ -16,13 +16,12 @@ class Smoothing(Part):
     """The smoothing kernel."""
 
     kernel: Literal["wendland_c2", "quintic_spline", "cubic_spline", "gaussian"] = Field(
-        "wendland_c2",
-        description="Smoothing kernel W [-]; with quintic_spline lattices resist waves less, but walls leak on impact.",
+        "quintic_spline", description="Smoothing kernel W [-]; with quintic_spline lattices resist waves least."
     )
     ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
-        1.4,
-        description="Smoothing length over particle spacing, h/dx [-]; at 1.4 wendland_c2 keeps lattices in order, "
-        "quintic_spline at 1.38 to 1.43; steep waves want quintic_spline at 1.6 to 1.9.",
+        1.42,
+        description="Smoothing length over particle spacing, h/dx [-]; quintic_spline keeps lattices in order at 1.38 to "
+        "1.43, wendland_c2 at 1.4; steep waves want quintic_spline at 1.6 to 1.9.",
     )
 
 
