@@ -23,6 +23,7 @@ from warpsph.placement.sound import round_up
 from warpsph.rheology import Viscous, viscous
 from warpsph.scene.contradictions import wants_lists
 from warpsph.scene.scene import Scene
+from warpsph.scene.schemes import TRAITS
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
 from warpsph.shapes.wall import Wall
@@ -174,7 +175,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
     a_particle += 12.0 * (scene.density_diffusion.model in BY_GRADIENT) + 24.0 * averages
     a_particle += 8.0 * (scene.density_filter.model != "none") + 4.0 * (scene.shifting.model != "none")
     a_particle += 4.0  # first wall point
-    a_particle += 16.0 * (scene.scheme == "mueller")  # half a step's velocity, impulses of walls; no rates
+    a_particle += TRAITS[scene.scheme].bytes
     if law:
         a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
         a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced + 16.0 * has_dummies(scene)

@@ -22,6 +22,7 @@ from warpsph.output.records import find_crest, read_record
 from warpsph.scene.instruments import Observed
 from warpsph.scene.scene import Scene
 from warpsph.scene.waves import WaveMaker
+from warpsph.scene.whole import INSTRUMENTS
 from warpsph.theory.waves import (
     HIGHEST,
     LOWEST,
@@ -34,7 +35,6 @@ from warpsph.theory.waves import (
 
 log = logging.getLogger("warpsph")
 
-KINDS = ("probes", "forces", "run_up", "overtopping")
 # Waves that have passed a gauge before its record counts, and how many there must be then.
 SETTLING, LEAST = 2.0, 3.0
 
@@ -51,7 +51,7 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
 
 def _extremes(scene: Scene, folder: Path) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
-    for kind in KINDS:
+    for kind in (one for one in INSTRUMENTS if one != "gauges"):
         for part in getattr(scene, kind):
             record = _columns(folder / kind / f"{part.name}.csv")
             if not len(record.get("time [s]", ())):

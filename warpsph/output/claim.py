@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import warpsph
+from warpsph.scene.whole import INSTRUMENTS
 
 try:
     import fcntl
@@ -28,15 +29,9 @@ _OWN = {
     "": r"\.sweep|scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml|report\.html|sweep)"
     r"\.part",
     "checkpoints": r"\d{9,}\.(npz|part)",
-    "gauges": "",
-    "fluids": "",
-    "bodies": "",
-    "probes": "",
-    "forces": "",
-    "run_up": "",
-    "overtopping": "",
+    **dict.fromkeys(("fluids", "bodies", *INSTRUMENTS), ""),
 }
-_RECORD = re.compile(r"(energy|left|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
+_RECORD = re.compile(rf"(energy|left|(fluids|bodies|{'|'.join(INSTRUMENTS)})/\w+)\.csv")
 
 
 class FolderError(Exception):

@@ -25,6 +25,7 @@ from warpsph.placement.lattice import (
 )
 from warpsph.scene.fluids import Fill, FluidField
 from warpsph.scene.scene import Scene
+from warpsph.scene.schemes import TRAITS
 from warpsph.shapes.points import BLOCK, Array, around, inside_box, near
 from warpsph.shapes.volumes import Frame
 from warpsph.shapes.wall import Wall
@@ -101,7 +102,7 @@ def shape_sites(
 
     warnings = []
     excess = len(sites) * dx**scene.dimensions / body.volume - 1.0 if body.volume else 0.0
-    if len(sites) and abs(excess) > 0.05 and scene.scheme != "mueller":  # which shares out mass by itself
+    if len(sites) and abs(excess) > 0.05 and not TRAITS[scene.scheme].shares_mass:
         more, lighter = ("more", "lighter") if excess > 0 else ("less", "heavier")
         size = f"{'area' if scene.dimensions == 2 else 'volume'} of {body.volume:.4g} m{scene.dimensions}"
         words = f"{len(sites)} cells of the lattice cover {abs(excess):.1%} {more} than its {size}"
