@@ -83,6 +83,9 @@ class Outputs:
     def finish(self) -> None:
         """Let the writers begin what comes last, such as the animation, which goes into the page of `report`."""
         self.wait()
+        # Before the page is loaded beside them: USD gives Python up while it holds the loader of libraries, which the
+        # page then waits for with Python in its hands. A run that ends before its first frame hung there.
+        self._open()
         self._writing = self._thread.submit(self._finish)
 
     def _finish(self) -> None:
