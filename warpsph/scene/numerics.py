@@ -20,8 +20,8 @@ class Smoothing(Part):
     )
     ratio: Annotated[Real, Field(ge=1, le=4)] = Field(
         1.42,
-        description="Smoothing length over particle spacing, h/dx [-]; quintic_spline keeps lattices in order at 1.38 to "
-        "1.43, wendland_c2 at 1.4; steep waves want quintic_spline at 1.6 to 1.9.",
+        description="Smoothing length over particle spacing, h/dx [-]; quintic_spline keeps lattices in order at 1.38 "
+        "to 1.43, wendland_c2 at 1.4; steep waves want quintic_spline at 1.6 to 1.9.",
     )
 
 

@@ -89,6 +89,13 @@ class Step:
             _launch(self._settle)
         _launch(self.stages.values())
 
+    def insert(self, act: Act, after: str) -> None:
+        """Let each step do `act` besides, after the act that has the stage `after`; ValueError where none has."""
+        acts = self.scheme.acts
+        place = [after in one.stages() for one in acts].index(True) + 1
+        self.scheme.acts = [*acts[:place], act, *acts[place:]]
+        self._record()
+
     def run(self, most_steps: int | None = None) -> None:
         """Step until the target of the clock, a fault, or `most_steps`; list neighbours anew when that is due."""
         s = self.state
