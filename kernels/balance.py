@@ -6,7 +6,7 @@ factor on the weight of each pair, the same for both of it, so that momentum sta
     f_ij = 1 + (lambda_i - lambda_j) . x_ij >= 0,    with sum_j V_j f_ij grad_i W_ij = 0
 
 takes that away. lambda depends on positions alone. It is the solution of a system over all particles, which Jacobi's
-iteration approaches by one sweep a step, starting from that of the step before; B_i is that of eq 54:
+iteration approaches by one sweep a step, starting from lambda of the step before; B_i is from eq 54:
 
     lambda_i = B_i sum_j V_j (1 - lambda_j . x_ij) grad_i W_ij
 
@@ -24,7 +24,7 @@ from .layout import CPU_LAYOUT, Layout, Rows, compiler_options
 from .parameters import Parameters
 from .smoothing import SMOOTHING
 
-# Second moments less than the first of these are those of a surface, and more than the second of the inside.
+# Second moments below the first of these belong to a surface, above the second to the inside.
 SURFACE_MOMENT = wp.constant(0.85)
 INNER_MOMENT = wp.constant(0.95)
 
@@ -82,7 +82,7 @@ def balance_kernel(
         balance: wp.array[float],
         balance_out: wp.array[wp.vec3],
     ):
-        """lambda_i [1/m]; `balance` is that of the sweep before, `place` is `position_volume` as vectors."""
+        """lambda_i [1/m]; `balance` is lambda of the sweep before, `place` is `position_volume` as vectors."""
         i = first + wp.tid()
         x_i, y_i, z_i, _V_i, _u_i, _v_i, _w_i, _p_i = load(position_volume, packed_velocity, i)
 

@@ -271,7 +271,7 @@ def kick_bodies(
     """Velocity and spin by gravity and by the loads of a whole step, force [N] and torque about the centre [N m].
 
     Also what contact asks: velocity and spin before, and the inverse mass along each axis [1/kg] and inertia
-    [1/(kg m2)] of the world: 0 for what is locked, held or prescribed.
+    [1/(kg m2)] of the world: 0 for a body or an axis that is locked, held or prescribed.
     """
     b = first + wp.tid()
     h = wp.float64(dt[0])

@@ -66,7 +66,7 @@ def watch_blocks(
     block_dt_limit_out: wp.array[float],
     block_fault_slot_out: wp.array[int],
 ):
-    """Least dt limit and first faulty slot of each block of particles (-1: none); work is added to what was done."""
+    """Least dt limit and first faulty slot of each block of particles (-1: none); work adds up."""
     block = first + wp.tid()
     least = float(wp.inf)
     slot = int(-1)

@@ -40,7 +40,7 @@ Chosen = wp.types.vector(length=MOST_SLOTS, dtype=wp.int32)
 
 @wp.struct
 class Contact:
-    """Numbers of contact, those of each leg, and those of each body (the ground's own coefficients are -1: none)."""
+    """Numbers of contact, of each leg and of each body (the ground's own coefficients are -1: none)."""
 
     slots: int  # contacts that are kept of a body and a leg: 3 in 2-D, 9 in 3-D
     capacity: int  # contacts that are kept of a body
@@ -59,7 +59,7 @@ class Contact:
     point_offset: wp.array[wp.vec3d]  # corners, centres of arcs, starts of edges, in the coordinates of their body [m]
     point_radius: wp.array[wp.float64]  # of an arc or a ball [m]; 0: a corner
     point_way: wp.array[wp.vec3d]  # from the centre to the middle of an arc, along an edge; unit vector
-    point_spread: wp.array[wp.float64]  # cosine of half of what an arc turns; -1: all around
+    point_spread: wp.array[wp.float64]  # cosine of half the angle that an arc turns; -1: all around
     point_length: wp.array[wp.float64]  # of an edge [m]; 0: none
     point_into: wp.array2d[wp.vec3d]  # from an edge into either of its faces, unit vectors
     body_first_block: wp.array[
@@ -210,7 +210,7 @@ def crossing(
 ):
     """Gap, normal, the place along the leg and along the edge from `start`, and whether the two can touch.
 
-    The normal n is that of both edges, n = a x d / |a x d|, and the gap its part of the way between them. All is in
+    The normal n is square to both edges, n = a x d / |a x d|, and the gap its part of the way between them. All is in
     the coordinates of the leg, `centre` the centre of the other edge's body.
     """
     origin, along, limit = contact.leg_origin[leg], contact.leg_along[leg], contact.leg_length[leg]

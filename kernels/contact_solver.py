@@ -31,7 +31,7 @@ OVERLAP_SWEEPS = wp.constant(10)
 
 @wp.func
 def mixed(a: wp.float64, b: wp.float64) -> wp.float64:
-    """The coefficient of a pair: the geometric mean, or that of the one that has one."""
+    """The coefficient of a pair: the geometric mean, or the only one there is."""
     if a < wp.float64(0.0):
         return b
     if b < wp.float64(0.0):

@@ -11,7 +11,7 @@ from .parameters import Parameters
 from .smoothing import SMOOTHING
 from .state_equation import internal_energy, pressure
 
-# Neighbours span space if the mean eigenvalue of their moments and det(M) over the power of that mean are no less. The
+# Neighbours span space if the mean eigenvalue of their moments and det(M) over the power of the mean are no less. The
 # second is 1 inside a fluid, 0.6 in its corner, and 0.01 where one eigenvalue is 400 times another.
 LEAST_MOMENT = wp.constant(1.0e-4)
 LEAST_SPAN = wp.constant(1.0e-2)
@@ -74,7 +74,7 @@ def is_due(step: int, every: int) -> bool:
 def density_filter_kernel(
     smoothing: str, correction: str, by_volume: bool = True, layout: Layout = CPU_LAYOUT
 ) -> wp.Kernel:
-    """Density made anew from that of all around, the particle itself among them; within one fluid.
+    """Density made anew from the density of all around, the particle's own too; within one fluid.
 
         rho_i = sum_j rho_j V_j (zeta_0 + zeta . (x_j - x_i) / h) W_ij,    zeta from the moments by `correction`
 
@@ -172,7 +172,7 @@ def add_filter_work(
     particle_work: wp.array[wp.vec3],
     work_inout: wp.array[wp.vec3d],
 ):
-    """What the filter took from a block of particles is added to what was done on it [J]."""
+    """Energy that the filter took from a block of particles is added to the work done on it [J]."""
     block = first + wp.tid()
     if not is_due(step[0], every):
         return

@@ -77,7 +77,7 @@ def list_dummies_kernel(layout: Layout) -> wp.Kernel:
 
 @wp.func
 def reached(head: float, row: float) -> float:
-    """How much of a dummy counts, from 0 to 1, by the fluid's total head there and that of a spacing of fluid at rest.
+    """How much of a dummy counts, from 0 to 1, by the total head there and the head of a spacing of fluid at rest.
 
     Beside the uppermost row of fluid at rest they are as 1/2 to 1, one spacing higher as -1/2 to 1: there the fluid
     ends, as it does before a mirror. Whatever has the speed to get there finds the wall.
@@ -205,7 +205,7 @@ LEAST_VISCOSITY = wp.constant(1.0e-30)
 def carry_velocity_kernel(smoothing: str) -> wp.Kernel:
     """A kernel that carries the velocity and the viscosity of the fluid on into walls to which it sticks.
 
-    The velocity is extrapolated through that of the wall, by the slope that fits the fluid around best:
+    The velocity is extrapolated through the wall's, by the slope that fits the fluid around best:
 
         u_d = u_wall - depth_d sum_f d_f (u_f - u_wall) W_df / sum_f d_f^2 W_df,    mu_d = sum_f mu_f W_df / sum_f W_df
 
@@ -318,7 +318,7 @@ def mark_blocks(first: int, grid: CellGrid, start: wp.array[int], used_out: wp.a
 
 @cache
 def load_dummies_kernel(smoothing: str, artificial_viscosity: str) -> wp.Kernel:
-    """A kernel that finds the force of the fluid on dummies: the reaction of what each pair does to the fluid."""
+    """A kernel that finds the force of the fluid on dummies: the reaction of each pair's force on the fluid."""
     slope, viscous = SMOOTHING[smoothing].slope, ARTIFICIAL_VISCOSITY[artificial_viscosity]
 
     @wp.kernel(module="unique", enable_backward=False)

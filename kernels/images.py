@@ -38,7 +38,7 @@ class Images:
     friction: wp.array[wp.mat33]  # F and f: the velocity that friction sees is F u + f
     friction_velocity: wp.array[wp.vec3]  # f [m/s]
     extrapolates: wp.array[int]  # 1: that velocity is extrapolated from the wall instead
-    wall_normal: wp.array[wp.vec3]  # of that wall, into the fluid
+    wall_normal: wp.array[wp.vec3]  # unit normal of the wall, into the fluid
     wall_offset: wp.array[float]  # its points have normal . x = offset [m]
     wall_velocity: wp.array[wp.vec3]  # its own, along itself [m/s]
 
@@ -63,7 +63,7 @@ def velocity_beyond(images: Images, k: int, x_i: wp.vec3, u_i: wp.vec3, x_j: wp.
         takeda             u_wall - (d_j / d_i) (u_i - u_wall), with 1 + d_j / d_i <= 1.5
 
     Vasco (2014) 6.1.2, rules a, b and c; Takeda, Miyama & Sekiya (1994), limited by Morris, Fox & Zhu (1997). d is the
-    distance from the wall, that of a ghost being that of its particle.
+    distance from the wall; a ghost has its particle's.
     """
     if images.extrapolates[k] == 0:
         return images.friction[k] * u_j + images.friction_velocity[k]
@@ -77,7 +77,7 @@ def velocity_beyond(images: Images, k: int, x_i: wp.vec3, u_i: wp.vec3, x_j: wp.
 def ghost_pair(smoothing: str, dimensions: int, layout: Layout) -> wp.Function:
     """A wp.func of the pair of particle i with the ghost of particle `source` through an image, at xV_g = (x, y, z, V).
 
-    It gives s_ig, where grad_i W_ig V_g = s_ig x_ig, x_ig [m], u_ig [m/s], and what is packed behind the velocity.
+    It gives s_ig, where grad_i W_ig V_g = s_ig x_ig, x_ig [m], u_ig [m/s], and the number packed behind the velocity.
     """
     slope, load, packed = SMOOTHING[smoothing].slope, layout.load[dimensions], layout.packed
 
@@ -139,7 +139,7 @@ def fold(
     xsph_velocity_inout: wp.array[wp.vec3],
     lift_out: wp.array[float],
 ):
-    """Bring a particle that left through an edge back as the image that came in for it, and the work of that [J].
+    """Bring a particle that left through an edge back as the image that came in for it; the work of the exchange [J].
 
     A periodic edge does work where it puts a particle back against gravity or the body force.
     """
@@ -161,7 +161,7 @@ def fold(
 
 @wp.kernel(enable_backward=False)
 def book_lift(first: int, blocks: Blocks, lift: wp.array[float], work_inout: wp.array[wp.vec3d]):
-    """Book the work of folding, as work of walls, with that of each block of particles [J]."""
+    """Book the work of folding as work of walls, some with each block of particles [J]."""
     block = first + wp.tid()
     done = wp.float64(0.0)
     for k in range(blocks.size):

@@ -2,7 +2,7 @@
 
 Verlet: drift, kick, drift.
 
-Vasco (2014) eq 76-80, with F and D the rates of velocity and density, and R that of density by diffusion:
+Vasco (2014) eq 76-80, with F and D the rates of velocity and density, and R the rate of density by diffusion:
 
     x^(n+1/2) = x^n + dt/2 u^n                   rho^(n+1/2) = rho^n + dt/2 (D^n + R^(n-1/2))
     u^(n+1)   = u^n + dt F(x, u, rho at n+1/2)
@@ -11,7 +11,7 @@ Vasco (2014) eq 76-80, with F and D the rates of velocity and density, and R tha
 F needs a velocity at n+1/2, which the thesis leaves open: u^n + dt/2 F^(n-1/2). R comes from the sweep over the pairs
 that gives F, D from one of its own.
 
-The other two evaluate all rates A of y = (x, u, rho) twice a step, A^n in place and A* at what is predicted with them:
+The other two find all rates A of y = (x, u, rho) twice a step, A^n in place and A* at the state predicted with them:
 
     y* = y^n + theta dt A^n              y^(n+1) = y^n + dt ((1 - b) A^n + b A*),  b = 1 / (2 theta)
 

@@ -255,7 +255,7 @@ def leapfrog(
     velocity_inout[i] = v_end
     half_velocity_inout[i] = half_end
     acceleration_out[i] = a
-    # The density is that of the places before, until it is summed anew.
+    # The density still belongs to the places before, until it is summed anew.
     rho = density[i]
     position_volume_out[i] = volume_at(parameters, x_end, rho, f)
     velocity_pressure_out[i] = pressure_at(parameters, x_end, v_end, rho, f)

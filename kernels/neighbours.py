@@ -57,7 +57,7 @@ def cell_number(grid: CellGrid, x: wp.vec3) -> int:
 
 @wp.func
 def row_offset(grid: CellGrid, row: int) -> int:
-    """From a cell to that of the same place in one of the rows around, in the order in which lists are filled."""
+    """From a cell to the cell at the same place in one of the rows around, in the order in which lists are filled."""
     across = 2 * grid.reach[2] + 1
     b = row / across
     a = row - b * across
@@ -176,7 +176,7 @@ def find_cut_rows(
 
 @wp.kernel(enable_backward=False)
 def number_long_rows(first: int, cut: wp.array[int], long_row_out: wp.array[int]):
-    """The longer rows in order of their particles; `cut` are the sums of what `find_cut_rows` found before each."""
+    """The longer rows in order of their particles; `cut` counts the rows before each that `find_cut_rows` found."""
     i = first + wp.tid()
     long_row_out[i] = wp.where(cut[i + 1] > cut[i], cut[i], -1)
 
@@ -205,8 +205,8 @@ def list_kernel(layout: Layout) -> wp.Kernel:
 
         Every candidate is written, and the next one over it unless it was a neighbour: off the lattice a jump is
         mispredicted every other time, which costs more than a store. So a row has one place more than it may fill, and
-        a single comparison tells neighbours, leaving out i itself and whoever stands exactly where i does: between
-        those no force has a direction.
+        a single comparison tells neighbours, leaving out i itself and particles exactly at its place: to these
+        no force has a direction.
         """
         i = first + wp.tid()
         x_i, cell_i = position[i], cell[i]
@@ -351,7 +351,7 @@ def compare_motion(
     upper: wp.array[wp.vec3],
     strain_out: wp.array[float],
 ):
-    """How much of what the lists allow has been used up about each block; above 1 a pair may be missing.
+    """How much of the motion that the lists allow has been used up about each block; above 1 a pair may be missing.
 
     Two particles that are not on each other's list come within the support only by moving, relative to each other, by
     more than the skin if their blocks touch, by more than edge - support if one block lies between, and by more than

@@ -92,7 +92,7 @@ NUMBER_OF: Mapping[int, wp.Function] = {2: one_of_two, 3: one_of_three}  # by th
 def rates_kernel(
     formulas: Formulas, layout: Layout = CPU_LAYOUT, momentum: bool = True, continuity: bool = True
 ) -> wp.Kernel:
-    """The pair loop: its half of `momentum`, with what dissipates, its half of `continuity`, or both at once.
+    """The pair loop: its half of `momentum`, with dissipation, its half of `continuity`, or both at once.
 
     Momentum, Vasco (2014) eq 38 with 60 and 68, V_j = m_j / rho_j:
 
@@ -115,7 +115,7 @@ def rates_kernel(
 
         du_i = epsilon sum_j m_j / rhobar_ij (u_j - u_i) W_ij
 
-    Neighbours come from lists, one row for each particle, or are whoever stood in the cells around when particles were
+    Neighbours come from lists, one row for each particle, or are all particles in the cells around when particles were
     sorted, one row for each row of cells: more candidates, most of them too far to count, but no memory. A particle
     meets itself there, and adds nothing to itself.
 
@@ -170,7 +170,7 @@ def rates_kernel(
         dissipative_x, dissipative_y, dissipative_z = float(0.0), float(0.0), float(0.0)
         smoothed_x, smoothed_y, smoothed_z = float(0.0), float(0.0), float(0.0)
         divergence, diffused = float(0.0), float(0.0)
-        # Moments of the neighbours, and what is wanted of the velocity gradient: B is symmetric.
+        # Moments of the neighbours, and the parts needed of the velocity gradient: B is symmetric.
         M_xx, M_yy, M_zz, M_xy, M_xz, M_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
         L_xx, L_yy, L_zz, L_xy, L_xz, L_yz = float(0.0), float(0.0), float(0.0), float(0.0), float(0.0), float(0.0)
         k, end = int(0), int(0)

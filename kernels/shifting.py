@@ -10,7 +10,7 @@ disorder, so what undoes it goes at that pace, in any frame of reference. Fluid 
 of a yield stress is not shifted. Near a surface, where C falls without any disorder, P_i = I - n n leaves out what
 would go through it; the surface and its normal are told by the least eigenvalue of the moments, Marrone et al. (2010).
 
-Velocities are left alone, which conserves momentum, or become those of the places that particles drift to,
+Velocities are left alone, which conserves momentum, or become the velocities of the places that particles drift to,
 
     du_i/dt = L_i du_i,    L_ab = d u_a / d x_b
 
@@ -91,7 +91,7 @@ def cover_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
 
 @cache
 def shifting_kernel(formulas: Formulas, layout: Layout = CPU_LAYOUT) -> wp.Kernel:
-    """The pair loop of the drift, on top of what XSPH wrote if that is in; components as in rates.py."""
+    """The pair loop of the drift, on top of XSPH's velocity if there is XSPH; components as in rates.py."""
     shape, slope = SMOOTHING[formulas.smoothing].shape, SMOOTHING[formulas.smoothing].slope
     load, packed, entry = layout.load[formulas.dimensions], layout.packed, layout.entry
     moments_with, gradient_with = MOMENTS_WITH[formulas.dimensions], GRADIENT_WITH[formulas.dimensions]

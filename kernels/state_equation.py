@@ -52,7 +52,7 @@ def find_pressure(
     fluid: wp.array[int],
     pressure_out: wp.array[float],
 ):
-    """p_i [Pa] of a density, for those who look between steps."""
+    """p_i [Pa] of a density, for outputs between steps."""
     i = first + wp.tid()
     f = fluid[i]
     pressure_out[i] = pressure(

@@ -255,7 +255,7 @@ def stress_beyond(images: Images, k: int, S: wp.mat33, dimensions: int) -> wp.ma
     """S [Pa] at the ghost of a particle with S through image k.
 
     u' = F u + f at x' = R x + t has the gradient F L R^T, and mu L = S^T - (2 / d) (tr S) I. Where the wall's own
-    velocity stands for that of every ghost, or it is extrapolated from the wall, the flow goes on beyond the wall as it
+    velocity stands for every ghost's, or it is extrapolated from the wall, the flow goes on beyond the wall as it
     comes, F = -1: a velocity that is the same everywhere would end the stress at the wall.
     """
     F = images.friction[k]

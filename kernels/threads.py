@@ -7,7 +7,7 @@ CACHE_LINE = wp.constant(16)
 
 
 # A thread that waits looks some 2000 times, a few dozen microseconds: longer than threads that share a launch well are
-# apart. After that it gives way to whoever else wants its core (not on Windows, where it just goes on looking).
+# apart. After that it gives way to other threads that want its core (not on Windows, where it just goes on looking).
 @wp.func_native(
     """
 #if !defined(__CUDA_ARCH__)
@@ -41,6 +41,6 @@ def wait_for_all(thread: int, count: int, apart: int, meetings: wp.array[int]):
 
 @wp.kernel(enable_backward=False)
 def meet(first: int, count: int, meetings_inout: wp.array[int]):
-    """Wait for all of `count` threads; `meetings_inout` counts those of each, CACHE_LINE apart. Each is a launch."""
+    """Wait for all of `count` threads; `meetings_inout` counts how often each came, CACHE_LINE apart."""
     i = first + wp.tid()
     wait_for_all(i, count, CACHE_LINE, meetings_inout)

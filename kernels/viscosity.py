@@ -1,9 +1,9 @@
 """Viscosity: forces of a viscosity mu_i [Pa s] that each particle has, its own or an apparent one.
 
 Two ways. The pair forms of VISCOSITY take the difference of two velocities at once; the divergence of the stress is in
-`stress.py`. All conserve momentum; `cleary` angular momentum as well. The stages of a step are those of either.
+`stress.py`. All conserve momentum; `cleary` angular momentum as well. Both have the same stages of a step.
 
-Pair loops read (x, y, z, V) and (u, v, w, mu), packed as those of rates.py: in a plane x lies beside u, in the place of
+Pair loops read (x, y, z, V) and (u, v, w, mu), packed as in rates.py: in a plane x lies beside u, in the place of
 v. Beyond the particles of a row come the ghosts that mirrors and periodic edges show of particles, each with the
 velocity that `velocity_beyond` gives it; they are worked out from their particles in the loop, so that the stages of a
 step never wait for ghosts. Or it is the dummy particles of walls that come, with the velocity and viscosity that

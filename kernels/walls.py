@@ -14,7 +14,7 @@ add up to 1. A particle that slides over a leg feels exactly Q, whatever beta, a
 Corners, after Monaghan, Kos & Issa (2003), for both laws of the second family. A point lies between two legs with
 normals of their own:
 - where the wall bulges towards the fluid (the edge of a block) a particle between the two normals is pushed by the
-  corner alone, away from it: P = 1, n = x_ik / r, Q(r). On the rim of that fan it is what the leg says: the force is
+  corner alone, away from it: P = 1, n = x_ik / r, Q(r). On the rim of that fan it is the leg's own: the force is
   continuous. Every point of an arc is such a corner, a slight one;
 - where it recedes from the fluid (the corner of a tank) the particle is over both legs: the push is the least that is
   no less than Q along either normal. That is the sum of both in a right corner, and one Q where the wall is flat, so
@@ -180,7 +180,7 @@ def _along_legs(
     push = _share(law, psi_b, xi_b, wp.sqrt(b2)) * Q_b * n_b + _share(law, psi_a, xi_a, wp.sqrt(a2)) * Q_a * n_a
     cosine = wp.dot(n_b, n_a)
     if psi_b > 0.0 and psi_a > 0.0 and xi_b > 0.0 and xi_a > 0.0 and cosine > 0.0:
-        # Over both legs of a corner that recedes: the points of each share its Q, and what is too much comes off here.
+        # Over both legs of a corner that recedes: the points of each share its Q, and the excess comes off here.
         apart = n_b - n_a
         least = 0.5 * (Q_b + Q_a) / (1.0 + cosine) * (n_b + n_a)
         least += (Q_b - Q_a) / wp.max(wp.dot(apart, apart), 1.0e-12) * apart
@@ -223,7 +223,7 @@ def friction(parameters: Parameters, nu: float, V_i: float, u_dot_x: float, r: f
 
 @cache
 def wall_acceleration_kernel(force: str, smoothing: str, moving: bool = False, dimensions: int = 2) -> wp.Kernel:
-    """The loop over wall points. With `moving` the points have velocities, and what they do is added to what is there.
+    """The loop over wall points. With `moving` the points have velocities, and their work adds up.
 
     Vasco (2014) eq 63:  du_i/dt = sum_k (f_ik - m_k Pi_ik grad_i W_ik), with m_k = m_i, rho_k = rho_i and Pi of eq 61.
     """

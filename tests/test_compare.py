@@ -34,7 +34,7 @@ def test_differences_are_those_of_the_records(runs):
     assert second["off the first, most [m]"] == pytest.approx(0.02, rel=0.01)
     # Of a Gaussian of height 0.02 m and width 0.15 s over 1.8 s.
     assert second["off the first, rms [m]"] == pytest.approx(0.02 * np.sqrt(0.15 * np.sqrt(np.pi / 2) / 1.8), rel=0.02)
-    assert [caption for caption, _ in found.figures] == ["near: level above that at rest", "near: difference"]
+    assert [caption for caption, _ in found.figures] == ["near: level above rest", "near: difference"]
 
 
 def test_the_command_prints_and_writes_a_page_and_spares_what_is_not_ours(runs, tmp_path, capsys):

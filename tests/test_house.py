@@ -21,7 +21,7 @@ def test_imports_go_down_the_staircase():
 
 
 def test_types_of_host_code_are_right():
-    """As far as the list in pyproject.toml goes of what is not yet."""
+    """All of them; a few rooms do not ask whether a scene has what they are entered for, see pyproject.toml."""
     pytest.importorskip("mypy")
     found = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stdout + found.stderr
@@ -36,6 +36,22 @@ def test_no_two_types_have_one_name():
                 places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert len(places) > 100
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_pages_name_every_room():
+    """The staircase and its wings in warpsph/README.md, the rooms of kernels in theirs."""
+    page = (ROOT / "warpsph" / "README.md").read_text(encoding="utf-8")
+    wings = dict(re.findall(r"^\| `(\w+)/` \| (.*) \|$", page, re.MULTILINE))
+    rooms = {path.parent.name: set() for path in ROOT.glob("warpsph/[!_k]*/__init__.py")}
+    for path in ROOT.glob("warpsph/[!_k]*/[!_]*.py"):
+        rooms[path.parent.name].add(path.stem)
+    assert rooms.keys() == wings.keys() - {"kernels"}
+    assert {wing: found - set(re.findall(r"`(\w+)`", wings[wing])) for wing, found in rooms.items()} == {
+        wing: set() for wing in rooms
+    }
+    assert {path.name for path in ROOT.glob("warpsph/[!_]*.py")} <= set(re.findall(r"`(\w+\.py)`", page))
+    kernels = (ROOT / "kernels" / "README.md").read_text(encoding="utf-8")
+    assert {path.name for path in ROOT.glob("kernels/[!_]*.py")} <= set(re.findall(r"`(\w+\.py)`", kernels))
 
 
 @pytest.mark.parametrize(

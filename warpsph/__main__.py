@@ -7,7 +7,7 @@ BEGAN = time.perf_counter()  # before the imports, so that a run can tell how lo
 
 import warpsph  # noqa: E402
 
-if not hasattr(warpsph, "__version__"):  # beside the caller lies a folder of that name, such as a clone
+if not hasattr(warpsph, "__version__"):  # beside the caller lies a folder named warpsph, such as a clone
     place = next(iter(warpsph.__path__), "warpsph")
     print(f"{place}: this folder hides the package warpsph; call it from another folder", file=sys.stderr)
     sys.exit(2)

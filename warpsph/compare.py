@@ -53,7 +53,7 @@ def compare(folders: Sequence[Path]) -> Overlay:
         if len(those) < 2:
             continue
         curves = {names[folder]: records[folder][gauge] for folder in those}
-        figures += [(f"{gauge}: level above that at rest", _overlay(curves)), (f"{gauge}: difference", _apart(curves))]
+        figures += [(f"{gauge}: level above rest", _overlay(curves)), (f"{gauge}: difference", _apart(curves))]
         time, level = curves[names[first]].values()
         crest = describe_gauge(time, level).get("crest [m]")
         for folder in those:
@@ -136,7 +136,7 @@ def _apart(curves: dict[str, dict[str, np.ndarray]]) -> Figure:
     (first_name, first), *others = curves.items()
     for (name, record), color in zip(others, line_colors(len(curves))[1:], strict=True):
         axes.plot(*_difference(first, record), color=color, linewidth=1.4, label=name)
-    axes.set(xlabel=TIME, ylabel=f"level − that of {first_name} [m]")
+    axes.set(xlabel=TIME, ylabel=f"level less the level of {first_name} [m]")
     axes.margins(x=0.0)
     name_lines(figure, axes)
     return figure

@@ -51,7 +51,7 @@ def forecast(scene: Scene, launcher: Launcher) -> Forecast:
 
     The particles are placed, and a few steps timed, which nothing comes of: of the scene itself, or of a coarser one
     where it is a big one, by the particle. How steps shrink as the flow speeds up, and how often it wants new lists, is
-    taken from a coarse rehearsal: both go by speeds over that of sound and by motion over the spacing, so that they
+    taken from a coarse rehearsal: both go by Mach numbers and by motion over the spacing, so that they
     change little with the spacing.
     """
     sound = chosen_sound(scene)

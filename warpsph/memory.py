@@ -23,6 +23,7 @@ from warpsph.placement.sound import round_up
 from warpsph.rheology import Viscous, viscous
 from warpsph.scene.contradictions import wants_lists
 from warpsph.scene.scene import Scene
+from warpsph.scene.schemes import TRAITS
 from warpsph.shapes.outline import Array
 from warpsph.shapes.points import BLOCK, around, inside_box
 from warpsph.shapes.wall import Wall
@@ -30,7 +31,7 @@ from warpsph.step.bodies import MOST_MOTION
 
 # Of the interpreter, numpy, Warp, Matplotlib and USD, and of the kernels of a scene, as measured [bytes].
 PROGRAM = 420e6
-# More than this share of what is free is not asked for.
+# At most this share of the free memory is asked for.
 MOST_SHARE = 0.97
 
 
@@ -174,7 +175,7 @@ def _arrays(scene: Scene, counts: Counts) -> float:
     a_particle += 12.0 * (scene.density_diffusion.model in BY_GRADIENT) + 24.0 * averages
     a_particle += 8.0 * (scene.density_filter.model != "none") + 4.0 * (scene.shifting.model != "none")
     a_particle += 4.0  # first wall point
-    a_particle += 16.0 * (scene.scheme == "mueller")  # half a step's velocity, impulses of walls; no rates
+    a_particle += TRAITS[scene.scheme].bytes
     if law:
         a_particle += 12.0 * law.balanced + 8.0 * (law.law is not None) + 16.0 + 8.0 + 12.0 + 36.0
         a_particle += 4.0 * (law.law is None) + 12.0 * law.balanced + 16.0 * has_dummies(scene)
@@ -229,7 +230,7 @@ def _placing(scene: Scene, counts: Counts) -> float:
 
 
 def _outputs(scene: Scene, counts: Counts) -> float:
-    """Bytes of a snapshot, and of what it takes besides to take it or to make a frame of it: about as much."""
+    """Bytes of a snapshot, and of the copies that taking it or making a frame of it needs: about as much."""
     if not (scene.output.pictures or scene.output.usd or scene.output.vtk):
         return 0.0
     return 124.0 * counts.particles
@@ -260,7 +261,7 @@ def free_memory(device: wp.Device) -> float:
 
 
 def refuse_too_big(scene: Scene, counts: Counts, device: wp.Device, slack: float = 1.0) -> None:
-    """Raises NoRoomError for a run that takes more than `slack` times what is free on the device or the host."""
+    """Raises NoRoomError for a run that takes more than `slack` times the free memory of the device or the host."""
     if words := _no_room(scene, counts, device, slack):
         raise NoRoomError(words)
 

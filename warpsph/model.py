@@ -22,6 +22,7 @@ from warpsph.placement.place import Placement
 from warpsph.rheology import viscous
 from warpsph.scene.fluids import Material
 from warpsph.scene.scene import Scene
+from warpsph.scene.schemes import TRAITS
 from warpsph.shapes.points import BLOCK, around
 
 # The lists reach this much farther than the support, so that they outlive a few steps: a longer reach costs every pair
@@ -32,8 +33,6 @@ SKIN = 0.1
 WALL_SKIN = {2: 0.4, 3: 0.15}
 # How far bodies may move before their dummies are listed anew, in supports.
 BODY_SKIN = 0.2
-# The radius of the lists of the scheme mueller, over h, at which its kernels end.
-MUELLER_REACH = 1.6
 # Rows hold this many times the neighbours of an undisturbed lattice; a fuller row makes the list grow.
 ROOM = 1.18
 # A particle lighter or denser than this, relative to its own material, has left the physics of a liquid.
@@ -86,8 +85,8 @@ class Model:
         self.skin = SKIN * self.support
         capacity, self.list_radius = list_capacity(scene)
         self.wall_skin = WALL_SKIN[scene.dimensions] * self.support
-        if scene.scheme == "mueller":
-            self.skin, self.wall_skin = self.list_radius - scene.smoothing_length, math.inf  # its walls are no points
+        if TRAITS[scene.scheme].list_reach:  # with walls that are no points
+            self.skin, self.wall_skin = self.list_radius - scene.smoothing_length, math.inf
         self.has_dummies = has_dummies(scene)
         self.body_skin = body_skin(scene)
         self.wall_radius = wall_radius(scene)
@@ -137,7 +136,7 @@ class Model:
         self.wall_block = wp.array(blocks_in_use(self.grid, cells.start.numpy()), dtype=int, device=device)
         self.near_wall = wp.zeros(len(cells.start) - 1, dtype=wp.uint8, device=device)
         reach = math.ceil(self.wall_radius * self.grid.inverse_edge)
-        launcher.run(mark_walls, len(self.near_wall), [self.grid, reach, self.wall_start, self.near_wall])
+        launcher.run(mark_walls, len(self.near_wall), self, cells=reach)
 
     def _parameters(self, scene: Scene, placement: Placement, materials: list[Material], capacity: int) -> Parameters:
         kernel = SMOOTHING[scene.smoothing.kernel]
@@ -213,9 +212,8 @@ def _zones(scene: Scene, device: wp.Device) -> Zones | None:
 def list_capacity(scene: Scene) -> tuple[int, float]:
     """How many neighbours a row has room for at first, and the radius of the lists [m]."""
     support = SMOOTHING[scene.smoothing.kernel].support * scene.smoothing_length
-    radius = support + SKIN * support
-    if scene.scheme == "mueller":  # whose pairs reach half as far as the kernel that instruments read with
-        radius = MUELLER_REACH * scene.smoothing_length
+    reach = TRAITS[scene.scheme].list_reach
+    radius = reach * scene.smoothing_length if reach else support + SKIN * support
     spacings = radius / scene.spacing
     return math.ceil(ROOM * (math.pi * spacings**2 if scene.dimensions == 2 else 4.19 * spacings**3)), radius
 

@@ -49,7 +49,7 @@ def legendre_stages(count: int) -> list[Stage]:
 
 
 def step_in_courants(stages: int) -> float:
-    """The longest stable step with so many stages, over that which viscous_courant gives a single sweep.
+    """The longest stable step with so many stages, over the step that viscous_courant gives a single sweep.
 
     A single sweep takes a velocity that is predicted, which halves the step of Euler's scheme.
     """

@@ -295,7 +295,7 @@ class _Signals:
         tell("stopping at the next record; once more, and it stops at once\n", sys.stderr)
 
     def let_go(self) -> None:
-        """Give them back to whoever had them."""
+        """Put the handlers of before in their places."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
         self._before.clear()

@@ -134,7 +134,7 @@ class Simulation:
         return arrays | (self.bodies.kept() if self.bodies else {}) | self.instruments.kept()
 
     def advance(self, time: float) -> None:
-        """Step until `time` [s], exactly; what outputs show besides the state is of that time then.
+        """Step until `time` [s], exactly; energy, gauges and instruments are of that time too, then.
 
         Raises:
             BlowUpError: a particle became absurd on the way.

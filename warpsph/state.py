@@ -180,9 +180,8 @@ class State:
 
         # The clock, one entry each, side by side so that the host reads all of it at once.
         self._clock = zeros(wp.uint8, CLOCK.itemsize)
-        for name in CLOCK.names:
-            dtype, offset = CLOCK.fields[name][:2]
-            setattr(self, name, alias(self._clock, _WARP_TYPES[dtype.str], 1, offset))
+        for name, (kind, offset, *_) in (CLOCK.fields or {}).items():
+            setattr(self, name, alias(self._clock, _WARP_TYPES[kind.str], 1, offset))
         self.time.fill_(model.scene.start_time)
         self.target.fill_(model.scene.start_time)
         self.last_step.fill_(NO_LAST_STEP)
@@ -209,12 +208,12 @@ class State:
     def snapshot(self, pinned: dict[str, wp.array] | None = None) -> Snapshot:
         """Copy the fluid to the host, in id order.
 
-        `pinned` is for those who copy again and again: memory that a GPU writes into by itself, many times as fast. It
+        `pinned` is for copies made again and again: memory that a GPU writes into by itself, many times as fast. It
         is made at the first time; the snapshot is good until it is given again.
         """
         m, device = self.model, self.model.launcher.device
         pressure = wp.empty(m.particle_count, dtype=float, device=device)
-        m.launcher.run(find_pressure, m.particle_count, [m.parameters, self.density, self.fluid, pressure])
+        m.launcher.run(find_pressure, m.particle_count, m, self, pressure=pressure)
         arrays = {name: getattr(self, name) for name in ("position", "velocity", "density", "fluid")}
         arrays["pressure"] = pressure
         if m.viscous is not None and m.viscous.law is not None:
@@ -238,5 +237,6 @@ class State:
     def _in_id_order(self, values: wp.array) -> wp.array:
         """A copy of an array of the particles, in id order."""
         ordered = wp.empty_like(values)
-        self.model.launcher.run(scatter_kernel(values.dtype), len(values), [self.id, values, ordered])
+        places = {"place": self.id, "values": values, "values_out": ordered}
+        self.model.launcher.run(scatter_kernel(values.dtype), len(values), **places)
         return ordered

@@ -290,7 +290,7 @@ def sweep(
 ) -> Generator[MemberResult]:
     """All members in turn: those that are done or refused at once, the others as `run` ends them.
 
-    Raises SweepError, before anything is run, where the results would take the place of what no sweep has written.
+    Raises SweepError, before anything is run, where results would take the place of files that no sweep has written.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         raise SweepError(f"{folder}: is there already and is no folder; choose another --out")

@@ -40,7 +40,7 @@ def count_down(first: int, left_inout: wp.array[int]):
 @pytest.mark.parametrize("count", [1, 2, 127, 128, 129, 1000])
 def test_each_index_is_visited_once(device, threads, count):
     visits, index = (wp.zeros(count, dtype=int, device=device) for _ in range(2))
-    Launcher(device, threads).run(count_visits, count, [visits, index])
+    Launcher(device, threads).record_in_order(count_visits, count, [visits, index])()
     np.testing.assert_array_equal(visits.numpy(), np.ones(count))
     np.testing.assert_array_equal(index.numpy(), np.arange(count))
 

@@ -122,7 +122,7 @@ class Cloud:
     ) -> list[np.ndarray]:
         """What `kernel` writes into arrays of the types `outputs`, one entry for each particle, as float64."""
         written = [wp.zeros(len(self.x), dtype=dtype, device=self.launcher.device) for dtype in outputs]
-        self.launcher.run(kernel, len(self.x), [*grids, self.parameters, *inputs, *written])
+        self.launcher.record_in_order(kernel, len(self.x), [*grids, self.parameters, *inputs, *written])()
         return [array.numpy().astype(float) for array in written]
 
     def rates(self, momentum: bool = True, continuity: bool = True, **formulas: str | bool | int) -> list[np.ndarray]:

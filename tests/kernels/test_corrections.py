@@ -149,7 +149,7 @@ def test_what_the_filter_takes_is_dissipated(make_cloud, steps):
         "work": cloud.array([[0.0, 0.0, 0.0]], wp.vec3),
     }
     due = [5, cloud.array([steps], int)]
-    cloud.launcher.run(take_filtered_density, 1, [cloud.parameters, *due, *arrays.values()])
+    cloud.launcher.record_in_order(take_filtered_density, 1, [cloud.parameters, *due, *arrays.values()])()
     found = {name: array.numpy()[0] for name, array in arrays.items()}
     is_due = steps == 4
     assert found["density"] == (1001.0 if is_due else 1002.0)

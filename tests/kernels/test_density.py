@@ -225,7 +225,9 @@ def test_density_of_rest_carries_the_weight(make_cloud, lattice):
     position = cloud.array(cloud.x, wp.vec3d)
     density = cloud.array(np.full(len(x), 1.0), wp.float64)
     rate, diffusion = (cloud.array(np.full(len(x), 1.0), float) for _ in range(2))
-    cloud.launcher.run(rest_density, len(x), [cloud.parameters, position, cloud.fluids, density, rate, diffusion])
+    cloud.launcher.record_in_order(
+        rest_density, len(x), [cloud.parameters, position, cloud.fluids, density, rate, diffusion]
+    )()
     rests = fluid == 0
     compression = density.numpy()[rests] / 1000.0 - 1.0
     pressure = 1000.0 * 20.0**2 / 7.0 * ((1.0 + compression) ** 7 - 1.0)  # Vasco (2014) eq 56

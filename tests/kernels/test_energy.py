@@ -28,7 +28,7 @@ def summed(make_cloud, make_blocks, request):
         *(cloud.array(work, wp.vec3d), cloud.fluids, sums),
     ]
     in_blocks = make_blocks(n, BLOCK, request.param)
-    cloud.launcher.run(energy.sum_blocks, rows, [cloud.parameters, in_blocks, FLUIDS, *arrays])
+    cloud.launcher.record_in_order(energy.sum_blocks, rows, [cloud.parameters, in_blocks, FLUIDS, *arrays])()
     blocks = sums.numpy().reshape(4, FLUIDS, energy.COLUMN_COUNT)
     return cloud, density, work, blocks
 
@@ -73,7 +73,7 @@ def test_a_fluid_that_is_not_there(make_cloud, make_blocks):
     zero = cloud.array(np.zeros((1, 3)), wp.vec3d)
     density = cloud.array([1000.0], wp.float64)
     arrays = [zero, cloud.array(np.zeros((1, 3)), wp.vec3), density, zero, cloud.fluids, sums]
-    cloud.launcher.run(energy.sum_blocks, 2, [cloud.parameters, make_blocks(1, BLOCK), 2, *arrays])
+    cloud.launcher.record_in_order(energy.sum_blocks, 2, [cloud.parameters, make_blocks(1, BLOCK), 2, *arrays])()
     row = sums.numpy()[1]
     assert row[energy.FRONT] == -np.inf
     assert not np.delete(row, energy.FRONT).any()

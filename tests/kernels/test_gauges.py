@@ -30,7 +30,7 @@ def fraction_at(make_cloud):
         fraction = wp.zeros(len(points), dtype=float, device=cloud.launcher.device)
         reach = SMOOTHING[smoothing].support * cloud.h
         arguments = [grid, cloud.parameters, reach, cells.start, points, volumes, fraction]
-        cloud.launcher.run(volume_fraction_kernel(smoothing), len(points), arguments)
+        cloud.launcher.record_in_order(volume_fraction_kernel(smoothing), len(points), arguments)()
         return fraction.numpy()
 
     return measure

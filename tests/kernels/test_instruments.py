@@ -38,9 +38,9 @@ def test_a_linear_velocity_is_read_exactly(cloud, normal):
         wp.array(cloud.rho[order], dtype=wp.float64, device=device),
         wp.array(cloud.fluid[order].astype(np.int32), dtype=int, device=device),
     ]
-    cloud.launcher.run(
+    cloud.launcher.record_in_order(
         probe_kernel("wendland_c2"), len(points), [grid, cloud.parameters, reach, cells.start, *arrays, sums]
-    )
+    )()
     values = fitted(sums.numpy(), 2)
     np.testing.assert_allclose(values[:, 1], 1.0 + 2.0 * points[:, 2], atol=2e-3)
     np.testing.assert_allclose(values[:, 3], 3.0 * points[:, 0], atol=2e-3)
@@ -58,7 +58,9 @@ def test_the_top_over_a_place_is_that_of_the_fluid(cloud):
     for gone in (False, True):
         fluid[highest] = int(gone)
         codes = wp.array(fluid, dtype=int, device=cloud.launcher.device)
-        cloud.launcher.run(find_tops, 2, [grid, across, across, 1, cells.start, place, volumes, codes, tops])
+        cloud.launcher.record_in_order(
+            find_tops, 2, [grid, across, across, 1, cells.start, place, volumes, codes, tops]
+        )()
         left = near & (fluid == 0)
         np.testing.assert_allclose(tops.numpy(), [cloud.x[order][left, 2].max(), -np.inf], rtol=1e-6)
 
@@ -80,7 +82,9 @@ def test_what_passes_a_gate_by_hand(cloud):
     for count, expected in ((1, 0.5 + V), (2, 0.5 + V), (5, 0.5 + V)):
         blocks.count = count
         places = [wp.array(rows, dtype=wp.vec3d, device=device) for rows in (new, old)]
-        cloud.launcher.run(count_passing, number, [cloud.parameters, blocks, gates, 2, *places, fluid, passed])
+        cloud.launcher.record_in_order(
+            count_passing, number, [cloud.parameters, blocks, gates, 2, *places, fluid, passed]
+        )()
         assert passed.numpy().sum() == pytest.approx(V if count == 1 else 0.0, abs=1e-12)
-        cloud.launcher.run(add_passed, 1, [number, passed, volume])
+        cloud.launcher.record_in_order(add_passed, 1, [number, passed, volume])()
         assert volume.numpy()[0] == pytest.approx(expected)

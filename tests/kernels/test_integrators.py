@@ -115,7 +115,7 @@ def launch(make_cloud):
             arrays[name] = cloud.array(np.broadcast_to(np.asarray(values.get(name, 0.0), float), shape), dtype)
         scalars = [] if reach is None else [reach]
         scalars += [cloud.array([value], float) for value in (dt, damping) if value is not None]
-        cloud.launcher.run(kernel, count, [cloud.parameters, *scalars, *arrays.values()])
+        cloud.launcher.record_in_order(kernel, count, [cloud.parameters, *scalars, *arrays.values()])()
         return {name: array.numpy().astype(float) for name, array in arrays.items()}
 
     return run
@@ -195,7 +195,9 @@ def test_second_half_is_eq_78_and_79(launch):
 def test_density_ends_by_eq_80(make_cloud):
     cloud = make_cloud(np.zeros((1, 3)))
     density = cloud.array([1010.0], wp.float64)
-    cloud.launcher.run(integrators.finish_density, 1, [cloud.array([0.02], float), cloud.array([50.0], float), density])
+    cloud.launcher.record_in_order(
+        integrators.finish_density, 1, [cloud.array([0.02], float), cloud.array([50.0], float), density]
+    )()
     assert density.numpy()[0] == pytest.approx(1010.0 + 0.01 * 50.0, rel=TOLERANCE)
 
 

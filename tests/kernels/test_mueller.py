@@ -37,7 +37,7 @@ def tabulated(device):
     root, beyond = (node + 1) / 2, np.array([1.0, 1.001, 2.0, 1e6])
     q = np.append(root**2, beyond).astype(np.float32)
     out = wp.zeros((len(q), 7), dtype=float, device=device)
-    Launcher(device).run(tabulate, len(q), [wp.array(q, dtype=float, device=device), out])
+    Launcher(device).record_in_order(tabulate, len(q), [wp.array(q, dtype=float, device=device), out])()
     found = dict(zip(KERNELS, out.numpy()[:, :6].astype(float).reshape(len(q), 3, 2).transpose(1, 2, 0), strict=True))
     return q.astype(float), root * weight, found | {"laplacian": out.numpy()[:, 6].astype(float)}
 
@@ -125,7 +125,7 @@ def test_walls_throw_back_as_the_program_does(device):
         wp.array(np.insert(values, 1, 0.0, axis=1), dtype=dtype, device=device)
         for values, dtype in zip((x, v, half), types, strict=True)
     ]
-    Launcher(device).run(throw, len(x), arrays)
+    Launcher(device).record_in_order(throw, len(x), arrays)()
     for one in zip(x, v, half, strict=True):
         for axis, barrier, beyond in ((0, 0.0, -1), (0, 1.0, 1), (1, 0.0, -1), (1, 1.0, 1)):
             if (one[0][axis] - barrier) * beyond > 0:

@@ -236,10 +236,10 @@ def strain(made: Listed, moved: np.ndarray, velocity: float = 0.0, lookahead: fl
     launcher, blocks = model.launcher, state.cell_block_count
     arrays = [state.acceleration, state.listed_position, state.motion_lower, state.motion_upper]
     packed = [made.neighbours.cells.start, state.dt, state.position_volume, state.velocity]
-    launcher.run(kernels.bound_motion, blocks, [model.grid, lookahead, *packed, *arrays])
+    launcher.record_in_order(kernels.bound_motion, blocks, [model.grid, lookahead, *packed, *arrays])()
     walls = [model.skin, model.wall_skin, model.support, model.wall_block]
     bounds = [model.grid, *walls, state.motion_lower, state.motion_upper, state.strain]
-    launcher.run(kernels.compare_motion, blocks, bounds)
+    launcher.record_in_order(kernels.compare_motion, blocks, bounds)()
     return float(state.strain.numpy().max())
 
 
@@ -296,7 +296,7 @@ def test_starts_by_bisection_are_those_of_a_walk(device):
     launcher, cells = Launcher(device), 60
     cell = wp.array(np.sort(np.r_[np.random.default_rng(3).integers(5, 50, 40), [20] * 9]), dtype=int, device=device)
     walked, searched = (wp.zeros(cells + 1, dtype=int, device=device) for _ in range(2))
-    launcher.run(kernels.find_starts, len(cell), [len(cell), cells, cell, walked])
-    launcher.run(kernels.search_starts, cells + 1, [len(cell), cell, searched])
+    launcher.record_in_order(kernels.find_starts, len(cell), [len(cell), cells, cell, walked])()
+    launcher.record_in_order(kernels.search_starts, cells + 1, [len(cell), cell, searched])()
     np.testing.assert_array_equal(walked.numpy(), np.searchsorted(cell.numpy(), np.arange(cells + 1)))
     np.testing.assert_array_equal(searched.numpy(), walked.numpy())

@@ -39,7 +39,7 @@ def viscosity(device):
         rheology.yield_stress, rheology.viscosity_max = array([yield_stress]), array([maximum])
         mu = array(np.zeros(n))
         inputs = [rheology, array(np.zeros(n), int), array(gradients, wp.mat33), dimensions]
-        launcher.run(apparent_viscosity_kernel(law, regularisation), n, [*inputs, mu])
+        launcher.record_in_order(apparent_viscosity_kernel(law, regularisation), n, [*inputs, mu])()
         return mu.numpy().astype(float)
 
     return evaluate
@@ -189,5 +189,5 @@ def test_each_fluid_has_its_numbers(device):
     mu = wp.zeros(2, dtype=float, device=device)
     gradient = wp.array(shear(np.array([4.0, 4.0])), dtype=wp.mat33, device=device)
     inputs = [rheology, wp.array([0, 1], dtype=int, device=device), gradient, 2]
-    launcher.run(apparent_viscosity_kernel("herschel_bulkley", "bi_viscous"), 2, [*inputs, mu])
+    launcher.record_in_order(apparent_viscosity_kernel("herschel_bulkley", "bi_viscous"), 2, [*inputs, mu])()
     np.testing.assert_allclose(mu.numpy(), [50.0 / 4.0 + 2.0 / 2.0, 0.001], rtol=TOLERANCE)

@@ -158,7 +158,7 @@ def test_velocity_changes_with_the_place(make_cloud):
     L, du, a = random.normal(size=(5, 3, 3)), random.normal(size=(5, 3)), random.normal(size=(5, 3))
     cloud = make_cloud(random.normal(size=(5, 3)))
     found = cloud.array(a, wp.vec3)
-    cloud.launcher.run(change_with_place, 5, [cloud.array(L, wp.mat33), cloud.array(du, wp.vec3), found])
+    cloud.launcher.record_in_order(change_with_place, 5, [cloud.array(L, wp.mat33), cloud.array(du, wp.vec3), found])()
     np.testing.assert_allclose(found.numpy(), a + np.einsum("nab,nb->na", L, du), rtol=0, atol=TOLERANCE)
 
 

@@ -35,7 +35,7 @@ def evaluate(device):
 
         q = wp.array(np.asarray(q, np.float32), device=device)
         value = wp.zeros_like(q)
-        Launcher(device).run(tabulate, len(q), [q, value])
+        Launcher(device).record_in_order(tabulate, len(q), [q, value])()
         return value.numpy().astype(float)
 
     return on_device

@@ -41,7 +41,7 @@ def state_of(device):
     def on_device(density: np.ndarray, stiffening: float) -> list[np.ndarray]:
         density = wp.array(density, dtype=wp.float64, device=device)
         written = [wp.zeros(len(density), dtype=dtype, device=device) for dtype in (float, wp.float64, wp.float64)]
-        Launcher(device).run(evaluate, len(density), [stiffening, density, *written])
+        Launcher(device).record_in_order(evaluate, len(density), [stiffening, density, *written])()
         return [array.numpy().astype(float) for array in written]
 
     return on_device

@@ -119,7 +119,7 @@ def transposed(cloud, mu: np.ndarray, beyond: Beyond | None = None) -> wp.array:
     dimensions, rows = cloud.parameters.dimensions, len(mu) * (1 if cloud.parameters.dimensions == 2 else 3)
     gradient, found = velocity_gradient(cloud, beyond), cloud.array(np.zeros((rows, 4)), wp.vec4)
     inputs = [cloud.array(gradient, wp.mat33), cloud.array(mu, float), dimensions]
-    cloud.launcher.run(transposed_stress_kernel(dimensions), len(mu), [*inputs, found])
+    cloud.launcher.record_in_order(transposed_stress_kernel(dimensions), len(mu), [*inputs, found])()
     return found
 
 
@@ -424,7 +424,9 @@ def test_normalised_viscosity(make_cloud, lattice, form, smoothing):
     kernel = velocity_gradient_kernel(smoothing, 2, cloud.layout)
     _, moment = cloud.run(kernel, [*read(cloud, beyond, cloud.p), *beyond.lists()], [wp.mat33, float])
     corrected = cloud.array(np.zeros(len(x)), float)
-    cloud.launcher.run(normalised_viscosity, len(x), [cloud.array(moment, float), cloud.array(mu, float), corrected])
+    cloud.launcher.record_in_order(
+        normalised_viscosity, len(x), [cloud.array(moment, float), cloud.array(mu, float), corrected]
+    )()
     inside = np.abs(x).max(axis=1) < 0.35
     found = [cloud.rho * acceleration(cloud, form, m)[:, 0] / 2.0 for m in (mu, corrected.numpy())]
     np.testing.assert_allclose(found[1][inside], 2.0, rtol=2e-4)

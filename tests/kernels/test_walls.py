@@ -38,7 +38,7 @@ def push(make_cloud):
         kernel = wall_acceleration_kernel(force, "wendland_c2", moving=repeats is not None)
         for _ in range(1 if repeats is None else repeats):
             inputs = [cloud.position_volume, cloud.velocity_pressure, cloud.fluids, *arrays, *found]
-            cloud.launcher.run(kernel, n, [cloud.parameters, *inputs])
+            cloud.launcher.record_in_order(kernel, n, [cloud.parameters, *inputs])()
         acceleration, distance = (values.numpy().astype(float) for values in found)
         return acceleration, distance, cloud
 

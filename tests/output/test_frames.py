@@ -8,7 +8,7 @@ from PIL import Image
 
 from warpsph.output.camera import Camera
 from warpsph.output.frames import LIT, FrameWriter, Marks, _faces_seen, window_around
-from warpsph.output.usd import DrawnBody
+from warpsph.output.usd_scenery import DrawnBody
 from warpsph.shapes.mesh import box_mesh
 from warpsph.state import Snapshot
 

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
-from warpsph.output.usd import DrawnBody, UsdCache
+from warpsph.output.usd import UsdCache
 from warpsph.output.usd_check import check_cache
+from warpsph.output.usd_scenery import DrawnBody
 from warpsph.state import Snapshot
 
 SPACING = 0.01

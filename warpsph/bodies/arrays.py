@@ -1,4 +1,4 @@
-"""Arrays on a device, and blocks of what bodies own."""
+"""Arrays on a device, and blocks of the points that bodies own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike
 
 # Points that one thread goes through; a fixed number, so that sums do not depend on the threads.
 BLOCK_SIZE = 64
@@ -20,7 +19,7 @@ class Maker:
     def __init__(self, device: wp.Device) -> None:
         self._device = device
 
-    def array(self, values: ArrayLike, dtype: Any) -> wp.array:
+    def array(self, values: Any, dtype: Any) -> wp.array:
         """The values as an array of `dtype`."""
         return wp.array(np.asarray(values), dtype=dtype, device=self._device)
 

@@ -6,9 +6,8 @@ In 2-D a body is a slice 1 m wide. A refusal is a ValueError of one line, for th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-
-from numpy.typing import ArrayLike
 
 from warpsph.bodies.motion import Motion
 from warpsph.shapes.mesh import Mesh
@@ -44,10 +43,10 @@ class Body:
     outline: Outline | None = None
     mesh: Mesh | None = None
     ball: tuple[Array, float] | None = None
-    velocity: ArrayLike = (0.0, 0.0, 0.0)
-    spin: ArrayLike = (0.0, 0.0, 0.0)
-    free_shift: ArrayLike = (1.0, 1.0, 1.0)
-    free_turn: ArrayLike = (1.0, 1.0, 1.0)
+    velocity: Array | Sequence[float] = (0.0, 0.0, 0.0)
+    spin: Array | Sequence[float] = (0.0, 0.0, 0.0)
+    free_shift: Array | Sequence[float] = (1.0, 1.0, 1.0)
+    free_turn: Array | Sequence[float] = (1.0, 1.0, 1.0)
     motion: Motion | None = None
     release: float = -math.inf
     restitution: float = 0.0

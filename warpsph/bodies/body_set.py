@@ -206,10 +206,11 @@ def rotation(quaternion: Array) -> Array:
 
 
 _NO_ROWS = MotionTable(np.empty(0), np.empty((0, 3)), np.empty(0))
+_NONE = np.empty((0, 3))
 _GROUND = Body(
     name="the ground",
     mass=MassProperties(1.0, np.zeros(3), np.eye(3)),
-    surface=Surface(*(np.empty((0, 3)) for _ in range(2)), np.empty(0), *(np.empty((0, 3)) for _ in range(2))),
+    surface=Surface(_NONE, _NONE, np.empty(0), _NONE, _NONE),
     free_shift=(0.0, 0.0, 0.0),
     free_turn=(0.0, 0.0, 0.0),
 )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class ContactLeg:
     length: float = math.inf
     start: tuple[float, float] = (0.0, 0.0)
     end: tuple[float, float] = (0.0, 0.0)
-    center: Array = (0.0, 0.0, 0.0)
+    center: Array = field(default_factory=lambda: np.zeros(3))
     reach: float = math.inf
     width: tuple[float, float] = (-math.inf, math.inf)
 
@@ -64,7 +65,7 @@ class ContactLegs:
 
 
 def _table(kind: int, count: int, **known: Array) -> ContactLegs:
-    """`count` legs of one kind; what is not `known` of them is nothing, or without end."""
+    """`count` legs of one kind; a field that is not `known` is 0, or without end."""
     none = {"radius": np.zeros(count), "length": np.full(count, math.inf), "into": np.zeros((count, 2, 3))}
     none |= {"start": np.zeros((count, 2)), "end": np.zeros((count, 2)), "reach": np.full(count, math.inf)}
     none |= {"width": np.tile([-math.inf, math.inf], (count, 1)), "borders": np.zeros(count, int)}
@@ -99,8 +100,8 @@ def contact_legs(
         start = ends[i - 1] if i > 0 or outline.closed else (0.0, 0.0)
         if isinstance(leg, Line):
             normal = leg.normals(np.zeros(1))[0]
-            numbers = {"kind": int(contact_kernels.LINE), "origin": spatial(leg.start), "normal": spatial(normal)}
-            numbers |= {"along": spatial((leg.end - leg.start) / leg.length)}
+            numbers: dict[str, Any] = {"kind": int(contact_kernels.LINE), "origin": spatial(leg.start)}
+            numbers |= {"normal": spatial(normal), "along": spatial((leg.end - leg.start) / leg.length)}
             middle, reach = 0.5 * (leg.start + leg.end), 0.5 * leg.length
         else:
             half = leg.points(np.array([0.5]))[0]
@@ -108,7 +109,13 @@ def contact_legs(
             numbers = {"kind": int(contact_kernels.BEND), "origin": spatial(leg.center), "radius": leg.radius}
             numbers |= {"along": spatial((half - leg.center) / leg.radius), "normal": np.array([0.0, inside, 0.0])}
             middle, reach = leg.center, leg.radius
-        shape = {"length": leg.length, "start": start, "end": ends[i], "center": spatial(middle), "width": width}
+        shape: dict[str, Any] = {
+            "length": leg.length,
+            "start": start,
+            "end": ends[i],
+            "center": spatial(middle),
+            "width": width,
+        }
         across = max(map(abs, width)) if math.isfinite(width[0]) else 0.0  # bodies of the plane have no width
         found.append(ContactLeg(**numbers, **shape, reach=math.hypot(reach + depth, across)))
     return [_row(leg) for leg in found]
@@ -237,7 +244,7 @@ def contact_points(outline: Outline, side: int) -> ContactPoints:
 @singledispatch
 def contact_of(wall: object, way: int, depth: float) -> tuple[list[ContactLegs], list[ContactPoints]]:
     """A wall as contact sees it: as drawn, with its free side on the left of the way along (`way` 1) or on the right
-    (-1), or outside or inside of what is closed; `depth` [m] as of `contact_legs`.
+    (-1), or outside or inside of a closed outline; `depth` [m] as of `contact_legs`.
 
     A new kind of wall registers its own.
     """

@@ -62,7 +62,7 @@ class FacetEdge:
 
 @dataclass(frozen=True)
 class Faces:
-    """Faces, of which a mesh from a file has many: those of number i are the borders first[i] .. first[i + 1] - 1.
+    """Faces, of which a mesh from a file has many: face i has the borders first[i] .. first[i + 1] - 1.
 
     Attributes:
         normal, along: As of `Face`, shape [n, 3].
@@ -87,7 +87,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class FacetEdges:
-    """Edges; arrays of what a `FacetEdge` has, with `length` of shape [n]."""
+    """Edges: arrays of the fields of a `FacetEdge`, with `length` of shape [n]."""
 
     start: Array
     way: Array
@@ -101,7 +101,8 @@ class FacetEdges:
         return FacetEdge(self.start[i], self.way[i], self.length[i], self.into[i])
 
 
-NO_FACES = Faces(*(np.empty((0, 3)) for _ in range(2)), np.zeros(1, int), *(np.empty((0, k)) for k in (3, 3, 2)))
+_NONE = np.empty((0, 3))
+NO_FACES = Faces(_NONE, _NONE, np.zeros(1, np.int64), _NONE, _NONE, np.empty((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
     It may have borders. Faces that form a hollow reach `depth` [m] into each other. Triangles without area are left
     out.
     """
-    doubled = np.cross(*(vertices[triangles[:, k]] - vertices[triangles[:, 0]] for k in (1, 2)))
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    doubled = np.cross(b - a, c - a)
     sizes = np.linalg.norm(doubled, axis=1)
     has_area = sizes > 1e-12 * sizes.max()
     triangles, normals = triangles[has_area], doubled[has_area] / sizes[has_area, None]
@@ -160,7 +162,7 @@ def facets(vertices: Array, triangles: NDArray[np.int64], depth: float) -> Facet
         normals[order[begin]], ways[order[begin], 0], 3 * np.append(begin, len(order)).astype(np.int64), *borders
     )
     bulging = vertices[is_corner]
-    # Neighbours together, for contact to pass over what is far away.
+    # Neighbours together, so that contact passes over far parts.
     size = float(np.ptp(vertices, axis=0).max()) / 64.0
     if len(first):
         order = np.argsort(along_curve(starts + 0.5 * spans[:, None] * directions, size), kind="stable")
@@ -190,6 +192,7 @@ def sheet_edges(sheet: Sheet, side: int) -> Facets:
     Its faces are the legs of `bodies.contact_legs`. An arc that bulges is a row of edges; the side borders of one that
     does not are left out.
     """
+    assert sheet.width, "a wall of the plane has no edges"
     outline = sheet.outline if side > 0 else reversed_outline(sheet.outline)
     low, high = sheet.width
     edges: list[FacetEdge] = []

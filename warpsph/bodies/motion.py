@@ -132,7 +132,7 @@ def read_table(path: Path | str) -> MotionTable:
     by tabs, and numbers have a decimal comma where ',' parts no cells. Time counts from the beginning of the motion;
     shifts and angles from the first row, where the body is as it is drawn.
 
-    Raises ValueError, with the file and its line, for what is no such table, and for time that goes back.
+    Raises ValueError, with the file and its line, for a file that is no such table, and for time that goes back.
     """
     text = read_table_text(path)
     top_row = next((line for line in text.splitlines() if line.strip()), "")

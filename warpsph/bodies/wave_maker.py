@@ -77,7 +77,7 @@ def in_words(maker: WaveMaker, end_time: float, gravity: float) -> str:
         words += f", {math.degrees(float(np.ptp(rows.angle))):.3g} degrees"
     if maker.period is not None:
         length = theory.wavelength(maker.period, depth=maker.depth, gravity=gravity)
-        words += f", {length:.4g} m long, {maker.depth / length:.3g} of that deep"
+        words += f", {length:.4g} m long, in water {maker.depth / length:.3g} wavelengths deep"
     if maker.waves == "irregular":
         words += f", seed {1 if maker.seed is None else maker.seed}"
     return words

@@ -11,7 +11,7 @@ CPU_SIZE, CUDA_SIZE, MOST_CUDA_BLOCKS = 256, 32, 1 << 15
 
 
 def is_interleaved(device: wp.Device) -> bool:
-    """Whether blocks are interleaved, and shared out again until one thread can go through what is left."""
+    """Whether blocks are interleaved, and shared out again until one thread can go through the rest."""
     return device.is_cuda
 
 

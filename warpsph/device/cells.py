@@ -61,19 +61,17 @@ class Cells:
             else [wp.zeros(room, dtype=int, device=launcher.device) for _ in range(2)]
         )
         self.start = wp.zeros(cells + 1, dtype=int, device=launcher.device)
-        self._launches: list[Callable[[], None]] = (
-            [
-                launcher.record_in_order(kernels.find_cells, self._count, [grid, position, self.cell, self.order]),
-                lambda: wp.utils.radix_sort_pairs(self.cell, self.order, self._count, end_bit=self._bits),
-                launcher.record_in_order(kernels.search_starts, cells + 1, [self._count, self.cell, self.start])
-                if launcher.device.is_cuda
-                else launcher.record_in_order(
-                    kernels.find_starts, self._count, [self._count, cells, self.cell, self.start]
-                ),
-            ]
-            if self._count
-            else []
-        )
+        if not self._count:
+            self._launches: list[Callable[[], None]] = []
+            return
+        record, count = launcher.record, self._count
+        self._launches = [
+            record(kernels.find_cells, count, self, grid=grid, position=position),
+            lambda: wp.utils.radix_sort_pairs(self.cell, self.order, count, end_bit=self._bits),
+            record(kernels.search_starts, cells + 1, self, count=count)
+            if launcher.device.is_cuda
+            else record(kernels.find_starts, count, self, count=count, cell_count=cells),
+        ]
 
     def sort(self) -> None:
         """Find the cell of each point, and the order of slots by cell; the sort is stable, so it is reproducible."""

@@ -45,8 +45,8 @@ def available_cores(quota: Path = Path("/sys/fs/cgroup/cpu.max")) -> int:
 def _native_messages_silenced() -> Iterator[None]:
     """Turn the standard error off meanwhile, below Python.
 
-    On a machine without a GPU Warp's native code reports the missing driver there on every start. That is no news to
-    who runs on the CPU, and who asks for a GPU gets a DeviceError instead.
+    On a machine without a GPU Warp's native code reports the missing driver there on every start. That is no news on
+    a CPU, and a user who asks for a GPU gets a DeviceError instead.
     """
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
@@ -287,9 +287,9 @@ class Launcher:
         return alias(array, wp.uint64, 2 * len(array))
 
     def read(self, array: wp.array) -> np.ndarray:
-        """A few numbers on the host, which they reach by way of memory that is pinned once: for what is read often.
+        """A few numbers on the host, which they reach by way of memory that is pinned once: for numbers read often.
 
-        They stay as they are until the next array of that type and length is read.
+        They stay as they are until the next array of the same type and length is read.
         """
         if not self.device.is_cuda:
             return array.numpy()
@@ -300,6 +300,6 @@ class Launcher:
         wp.synchronize_stream(self.device)
         return self._pinned[key].numpy()
 
-    def run(self, kernel: wp.Kernel, count: int, arguments: Sequence[Any]) -> None:
-        """Launch once, with the arguments after `first` in the order of the kernel's parameters."""
-        self.record_in_order(kernel, count, arguments)()
+    def run(self, kernel: wp.Kernel, count: int, /, *owners: object, **named: Any) -> None:
+        """Launch once, with arguments as `record` takes them."""
+        self.record(kernel, count, *owners, **named)()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpsph.device.launch import launch
+from warpsph.device.launch import bound, launch
 from warpsph.kernels.mesh_queries import find_inside, find_nearest
 
 # Points asked at a time, for the sake of memory.
@@ -18,7 +19,7 @@ BLOCK = 1 << 20
 class MeshQueries:
     """A mesh that is asked for its nearest triangles and for its inside.
 
-    Single precision, about the middle of the mesh and in units of its size: places are good to 1e-7 of that.
+    Single precision, about the middle of the mesh, lengths over its size: places are good to 1e-7 of its size.
     """
 
     def __init__(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
@@ -40,7 +41,7 @@ class MeshQueries:
             some = slice(begin, begin + BLOCK)
             asked, answer = self._asked(points[some]), wp.empty(len(points[some]), dtype=int, device="cpu")
             farthest = min(within / self._size, 1e6)
-            launch(find_nearest, len(asked), [0, self._mesh.id, farthest, asked, answer], device="cpu")
+            self._ask(find_nearest, farthest=farthest, point=asked, triangle=answer)
             triangle[some] = answer.numpy()
         return triangle
 
@@ -50,9 +51,12 @@ class MeshQueries:
         for begin in range(0, len(points), BLOCK):
             some = slice(begin, begin + BLOCK)
             asked, answer = self._asked(points[some]), wp.empty(len(points[some]), dtype=wp.uint8, device="cpu")
-            launch(find_inside, len(asked), [0, self._mesh.id, asked, answer], device="cpu")
+            self._ask(find_inside, point=asked, inside=answer)
             inside[some] = answer.numpy() > 0
         return inside
+
+    def _ask(self, kernel: wp.Kernel, **named: Any) -> None:
+        launch(kernel, len(named["point"]), [0, *bound(kernel, (), {"mesh": self._mesh.id, **named})], device="cpu")
 
     def _asked(self, points: NDArray[np.float64]) -> wp.array:
         return wp.array((points - self._middle) / self._size, dtype=wp.vec3, device="cpu")

@@ -31,7 +31,7 @@ class Comparison:
         rms: Root mean square of y - o.
         skill: 1 - sum (y - o)^2 / sum (|y - mean o| + |o - mean o|)^2: 1 for a perfect likeness, Willmott (1981).
         lag: By how much y is late, where the two are most alike [s].
-        peak_error: Greatest y less greatest o, over that o less its first value; not a number where that does not rise.
+        peak_error: Greatest y less greatest o, over the rise of o; not a number where o does not rise.
     """
 
     count: int
@@ -49,12 +49,12 @@ class Comparison:
 
 
 def read_observed(observed: Observed) -> tuple[np.ndarray, np.ndarray]:
-    """Time [s] and values of what was observed, in the units of our records, each of shape [n].
+    """Time [s] and observed values, in the units of our records, each of shape [n].
 
     Lines that begin with # are passed over, and rows that lack either number.
 
     Raises:
-        ValueError: with the file, for what is no such table.
+        ValueError: with the file, which is no such table.
     """
     path = Path(observed.file)
     lines = [line for line in read_table_text(path).splitlines() if line.strip() and not line.startswith("#")]

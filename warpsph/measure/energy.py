@@ -1,7 +1,7 @@
 """Energy budget, and the motion of each fluid as a whole."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import warp as wp
@@ -71,7 +71,8 @@ class Energy:
         blocks = self._sums.numpy().reshape(self._shape)
         fluids = blocks.sum(axis=0)
         total = fluids.sum(axis=0)
-        budget = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS), gone=float(self._state.energy_gone.numpy()[0]))
+        present = Budget(*(float(total[k]) for k in _BUDGET_COLUMNS))
+        budget = replace(present, gone=float(self._state.energy_gone.numpy()[0]))
         motions = [
             FluidMotion(
                 mass=float(row[kernels.MASS]),
@@ -90,7 +91,7 @@ def drift_and_converted(record: Mapping[str, np.ndarray], at_stake: float = 0.0)
     """How far the energy sum of the fluids strayed from its first value, and how much was converted [J or J/m].
 
     What was converted is the span of their potential energy, or of their kinetic energy where that is wider: water that
-    a body or a paddle drives gets much of what they lose, and little of it from its own height. Both are the same
+    a body or a paddle drives gets much of their energy, and little from its own height. Both are the same
     wherever heights count from.
 
     `record` holds the columns of an energy.csv, each of shape [row_count]; both are 0 without a row. Where it is less

@@ -3,7 +3,7 @@
 All of them read the fluid alone, whatever law its walls have. At a place x a field is the value of the linear function
 that fits the particles around best, weighted by their kernel (moving least squares of first order, Lancaster &
 Salkauskas 1981), so that on a wall, where half of the kernel sees no fluid, it is the wall's own. The force on a wall
-is the integral of that pressure over its surface: what rubs along the wall is not in it.
+is the integral of that pressure over its surface, without friction along it.
 """
 
 from __future__ import annotations
@@ -117,13 +117,13 @@ class Instruments:
         now = wp.zeros_like(self.last_position)
         fluid = wp.zeros(m.particle_count, dtype=int, device=device)
         order, count_all = scatter_kernel(wp.vec3d), m.particle_count
-        m.launcher.run(order, count_all, [s.id, s.position, self.last_position])
+        m.launcher.run(order, count_all, place=s.id, values=s.position, values_out=self.last_position)
         # The volumes at the sample before, and its time [s].
         self.last_sample = wp.array(np.append(np.zeros(count), -np.inf), dtype=wp.float64, device=device)
         look = {"gates": struct, "fluid_count": len(m.fluid_names), "position": now, "fluid": fluid, "passed": passed}
         return [
-            m.launcher.record_in_order(order, count_all, [s.id, s.position, now]),
-            m.launcher.record_in_order(scatter_kernel(int), count_all, [s.id, s.fluid, fluid]),
+            m.launcher.record(order, count_all, place=s.id, values=s.position, values_out=now),
+            m.launcher.record(scatter_kernel(int), count_all, place=s.id, values=s.fluid, values_out=fluid),
             m.launcher.record(kernels.count_passing, s.block_count, m, s, **look, last_position=self.last_position),
             m.launcher.record(kernels.add_passed, count, block_count=s.block_count, passed=passed, volume=self.volume),
             lambda: wp.copy(self.last_position, now),
@@ -222,7 +222,7 @@ class Instruments:
 
 
 def _without_drops(wet: NDArray[np.int64], along: Array, spacing: float) -> NDArray[np.int64]:
-    """Of the indices of wet pieces those in runs that are long enough; all of them where no outline orders them."""
+    """The indices of wet pieces that lie in runs long enough; all wet pieces where no outline orders them."""
     if not len(wet) or np.isnan(along[wet]).any():
         return wet
     steps = np.diff(along[wet])

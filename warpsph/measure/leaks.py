@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -30,23 +31,24 @@ def behind_walls(model: Model, position: wp.array | NDArray[np.float64]) -> NDAr
         position = wp.array(np.asarray(position, dtype=np.float64), dtype=wp.vec3d, device=device)
     side = wp.zeros(count, dtype=wp.uint8, device=device)
     for level in _levels(model) if len(model.wall_position) and count else ():
-        model.launcher.run(kernels.find_side, count, [*level, position, side])
+        model.launcher.run(kernels.find_side, count, **level, position=position, side=side)
     return side.numpy() == int(kernels.BEHIND)
 
 
-def _levels(model: Model) -> Iterator[tuple]:
+def _levels(model: Model) -> Iterator[dict[str, Any]]:
     """Grid, radius [m], starts of cells, points and normals of each round; the last sees all of its points."""
-    grid, edge = model.grid, 2.0 / model.grid.inverse_edge
+    device, grid, edge = model.launcher.device, model.grid, 2.0 / model.grid.inverse_edge
     points, normals = (values.astype(np.float32) for values in model.wall_line)
     radius, lower, upper = min(grid.reach[0], 2) / grid.inverse_edge, points.min(axis=0), points.max(axis=0)
     while True:
-        position = wp.array(points, dtype=wp.vec3, device=model.launcher.device)
+        position = wp.array(points, dtype=wp.vec3, device=device)
         cells = Cells(grid, position, model.launcher)
         cells.sort()
         order = cells.order.numpy()[: len(points)]
         points, normals = points[order], normals[order]
         position.assign(points)
-        yield grid, radius, cells.start, position, wp.array(normals, dtype=wp.vec3, device=model.launcher.device)
+        facing = wp.array(normals, dtype=wp.vec3, device=device)
+        yield {"grid": grid, "radius": radius, "start": cells.start, "wall_position": position, "wall_normal": facing}
         if math.isinf(radius):
             return
         kept = _one_in_each(points, normals, lower, edge / PARTS)

@@ -22,6 +22,7 @@ from warpsph.output.records import find_crest, read_record
 from warpsph.scene.instruments import Observed
 from warpsph.scene.scene import Scene
 from warpsph.scene.waves import WaveMaker
+from warpsph.scene.whole import INSTRUMENTS
 from warpsph.theory.waves import (
     HIGHEST,
     LOWEST,
@@ -34,13 +35,12 @@ from warpsph.theory.waves import (
 
 log = logging.getLogger("warpsph")
 
-KINDS = ("probes", "forces", "run_up", "overtopping")
 # Waves that have passed a gauge before its record counts, and how many there must be then.
 SETTLING, LEAST = 2.0, 3.0
 
 
 def analysis(scene: Scene, folder: Path) -> dict[str, Any]:
-    """The extremes of each instrument, the waves that were made, and how records compare with what was observed."""
+    """The extremes of each instrument, the waves that were made, and how records compare with observations."""
     facts = {"instruments": _extremes(scene, folder), "wave train": _train(scene, folder)}
     return {name: value for name, value in (facts | {"observed": _observed(scene, folder)}).items() if value}
 
@@ -51,7 +51,7 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
 
 def _extremes(scene: Scene, folder: Path) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
-    for kind in KINDS:
+    for kind in (one for one in INSTRUMENTS if one != "gauges"):
         for part in getattr(scene, kind):
             record = _columns(folder / kind / f"{part.name}.csv")
             if not len(record.get("time [s]", ())):
@@ -202,14 +202,14 @@ def _solitary(scene: Scene, maker: WaveMaker, folder: Path) -> dict[str, Any]:
 
 
 def _observed(scene: Scene, folder: Path) -> dict[str, dict[str, float]]:
-    """How each record compares with what was observed; what cannot be read is told, not raised."""
+    """How each record compares with observations; a file that cannot be read is told, not raised."""
     found = {}
     for name, observed, heading in _held_against(scene):
         record = _columns(folder / f"{name}.csv")
         if heading not in record:
             continue
         try:
-            # A level was observed above that at rest.
+            # A level was observed above rest.
             rest = record[heading][0] if name.startswith("gauges/") else 0.0
             result = compared(record["time [s]"], record[heading] - rest, *read_observed(observed))
         except ValueError as error:
@@ -236,7 +236,7 @@ def _held_against(scene: Scene) -> Iterator[tuple[str, Observed, str]]:
 
 
 def instrument_plots(run_dir: Path, scene: Scene) -> Iterator[tuple[str, Figure]]:
-    """Caption and figure of what probes observed elsewhere, and of the spectra of a sea, for the report."""
+    """Caption and figure of observed probes, and of the spectra of a sea, for the report."""
     for name, observed, heading in _held_against(scene):
         record = _columns(run_dir / f"{name}.csv")
         if name.startswith("gauges/") or heading not in record or len(record["time [s]"]) < 2:
@@ -263,7 +263,7 @@ def _draw_observed(record: dict[str, np.ndarray], heading: str, seen: tuple[np.n
 
 
 def _draw_spectra(scene: Scene, maker: WaveMaker, run_dir: Path) -> Figure | None:
-    """Spectra of all gauges, bands of eight frequencies, over that asked for; None where records are too short."""
+    """Spectra of all gauges, bands of eight frequencies, over the one asked for; None where records are too short."""
     height, period = _size(maker)
     figure, axes = small_plot()
     drawn = False

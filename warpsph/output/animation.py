@@ -23,7 +23,7 @@ def animate(frames_dir: Path, out: Path, fps: float) -> Path:
 
     Args:
         frames_dir: Holds frame.00000.png ...
-        out: Path of the animation; its suffix is set to what is made.
+        out: Path of the animation; its suffix becomes that of the format.
         fps: Frames per second of the animation [1/s].
 
     Returns:

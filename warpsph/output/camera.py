@@ -9,7 +9,7 @@ import numpy as np
 from warpsph.scene.output import Projection
 
 # From where a scene is seen in perspective: as far to the right of the front and above the ground [degrees], and at how
-# many times the radius of the ball around what is seen.
+# many times the radius of the ball around the scene.
 AZIMUTH, ELEVATION, DISTANCE = 28.0, 24.0, 4.0
 
 

@@ -1,4 +1,4 @@
-"""A run's claim on its folder: a mark of what is its own there, a lock while it runs, and an earlier run taken away."""
+"""A run's claim on its folder: a list of its own files, a lock while it runs, the removal of an earlier run."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import warpsph
+from warpsph.scene.whole import INSTRUMENTS
 
 try:
     import fcntl
@@ -28,15 +29,9 @@ _OWN = {
     "": r"\.sweep|scene\.yaml|run\.json|log\.txt|report\.html|STOP|\.(warpsph|run\.json|scene\.yaml|report\.html|sweep)"
     r"\.part",
     "checkpoints": r"\d{9,}\.(npz|part)",
-    "gauges": "",
-    "fluids": "",
-    "bodies": "",
-    "probes": "",
-    "forces": "",
-    "run_up": "",
-    "overtopping": "",
+    **dict.fromkeys(("fluids", "bodies", *INSTRUMENTS), ""),
 }
-_RECORD = re.compile(r"(energy|left|(gauges|fluids|bodies|probes|forces|run_up|overtopping)/\w+)\.csv")
+_RECORD = re.compile(rf"(energy|left|(fluids|bodies|{'|'.join(INSTRUMENTS)})/\w+)\.csv")
 
 
 class FolderError(Exception):
@@ -225,5 +220,5 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def digest(data: bytes) -> str:
-    """The SHA-256 of what a file holds, in hexadecimal digits."""
+    """The SHA-256 of a file's bytes, in hexadecimal digits."""
     return hashlib.sha256(data).hexdigest()

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -25,13 +25,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from warpsph.bodies.body_set import rotation
-from warpsph.device.launch import CAPTURE, launch
+from warpsph.device.launch import CAPTURE, bound, launch
 from warpsph.kernels.pictures import paint_discs, paint_spheres
 from warpsph.output.camera import Camera
 from warpsph.output.plots import GREY, INK, style_labels
 
 if TYPE_CHECKING:
-    from warpsph.output.usd import DrawnBody, Place
+    from warpsph.output.usd_scenery import DrawnBody, Place
     from warpsph.state import Snapshot
 
 Window = tuple[tuple[float, float], tuple[float, float]]
@@ -53,7 +53,7 @@ FLAT, LIT = "flat", "lit"
 
 @dataclass(frozen=True)
 class Marks:
-    """What is marked in pictures besides what is there.
+    """Marks in pictures, besides the fluid, walls and bodies.
 
     Attributes:
         gauges: Where each gauge stands, x, y [m], by its name.
@@ -121,7 +121,9 @@ class FrameWriter:
         self._shades = np.stack([_shades(color) for color in fluids.values()])
         away = np.array(origin)
         self._shift = np.array([away @ camera.right, away @ camera.up]) if camera.axes else np.zeros(2)
-        shown = tuple((low + more, high + more) for (low, high), more in zip(window, self._shift, strict=True))
+        (left, right), (low, high) = window
+        aside, up = self._shift.tolist()
+        shown = (left + aside, right + aside), (low + up, high + up)
         self._figure, axes, legend = _lay_out(shown, fluid_count=len(fluids), names=camera.axes)
         if self._shift.any():
             axes.ticklabel_format(useOffset=False, style="plain")
@@ -178,7 +180,7 @@ class FrameWriter:
 
     def _mark(self, axes: Axes, marks: Marks, shown: Window) -> list[LineCollection]:
         """Mark gauges, below the particles, and still levels, over them: these are returned."""
-        style = {"color": INK, "fontsize": 9, "ha": "center"}
+        style: dict[str, Any] = {"color": INK, "fontsize": 9, "ha": "center"}
         for name, (x, y) in marks.gauges.items():
             foot, head = self._flat(np.array([[x, y, z] for z in marks.height]))
             if self._camera.axes == ("x", "z"):
@@ -206,8 +208,8 @@ class FrameWriter:
         """What lies over the particles in every frame, drawn once: Matplotlib takes longer than to paint a frame.
 
         Returns:
-            The pixels that it covers, shape [n]; the ink on each, [n, 3], of 0 to 255; and the share of what is below
-            that is seen through it, [n, 1].
+            The pixels that it covers, shape [n]; the ink on each, [n, 3], of 0 to 255; and the share of the particles
+            below that is seen through it, [n, 1].
         """
         drawn = []
         for paper in (0, 255):
@@ -233,7 +235,7 @@ class FrameWriter:
         for artist, body, (x, q) in zip(self._bodies, self._drawn_bodies, places, strict=True):
             corners = x + body.corners @ rotation(q).T
             flat, depth, _ = self._camera.project(corners)
-            faces = body.faces
+            faces: Sequence[Any] | np.ndarray = body.faces
             if len(faces) > 1:
                 faces, colors = _faces_seen(corners, flat, depth, np.array(faces), body.color)
                 artist.set(facecolors=colors, edgecolors=colors)
@@ -271,18 +273,21 @@ class FrameWriter:
         height, width, _ = self._pixels.shape
         pixels = self._spacing * self._scale
         radius = 0.5 * (pixels if pixels >= SMALLEST_DISC else 2.0**0.5 * pixels)
-        arrays = [
-            (center.astype(np.float32)[None], wp.vec2),
-            ((255.0 * color).astype(np.float32)[None], wp.vec3),
-            (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
-        ]
-        kernel, numbers = paint_discs, [0, len(flat), radius, width, *self._box]
+        arrays = {
+            "center": (center.astype(np.float32)[None], wp.vec2),
+            "color": ((255.0 * color).astype(np.float32)[None], wp.vec3),
+            "pixels": (self._pixels.reshape(1, height * width, 4), wp.vec4ub),
+        }
+        lower, upper = self._box
+        given = {"count": len(flat), "radius": radius, "width": width, "lower": lower, "upper": upper}
+        kernel = paint_discs
         if self._shading == LIT:
-            kernel, numbers = paint_spheres, [0, len(flat), width, *self._box]
-            arrays.insert(1, ((radius * size).astype(np.float32)[None], wp.float32))
+            kernel = paint_spheres
+            arrays["radius"] = ((radius * size).astype(np.float32)[None], wp.float32)
         with CAPTURE:  # frames are drawn while steps go on
-            seen = [wp.array(values, dtype=dtype, device="cpu", copy=False) for values, dtype in arrays]
-            launch(kernel, dim=1, inputs=[*numbers, *seen], device="cpu")
+            for name, (values, dtype) in arrays.items():
+                given[name] = wp.array(values, dtype=dtype, device="cpu", copy=False)
+            launch(kernel, dim=1, inputs=[0, *bound(kernel, (), given)], device="cpu")
 
 
 def png_bytes(pixels: np.ndarray) -> bytes:
@@ -300,7 +305,7 @@ def png_bytes(pixels: np.ndarray) -> bytes:
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
     header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits a channel, RGB, nothing special
-    parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines, 1)), chunk(b"IEND", b"")
+    parts = chunk(b"IHDR", header), chunk(b"IDAT", zlib.compress(lines.data, 1)), chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
@@ -368,6 +373,6 @@ def _draw_legend(axes: Axes, names: Sequence[str], shades: np.ndarray, speed_sca
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.set_xticks([0.0, 0.5 * speed_scale, speed_scale], ["0", "speed [m/s]", f"{speed_scale:.3g}"])
     for label, side in zip(axes.get_xticklabels(), ("left", "center", "right"), strict=True):
-        label.set_horizontalalignment(side)
+        label.set(ha=side)
     axes.tick_params(length=0, labelcolor=INK, labelsize=10, pad=4)
     axes.spines[:].set_visible(False)

@@ -13,7 +13,7 @@ SHARE = 0.1
 
 
 def describe_gauge(time: np.ndarray, level: np.ndarray) -> dict[str, float]:
-    """The wave in the record of a gauge, by what each number is called; what is not there is left out.
+    """The wave in the record of a gauge, its numbers by their names; a number that the record lacks is left out.
 
     Arrival is when the level first strays by a tenth of the crest's amplitude from where it was at first. The trough is
     the lowest level below that. The period is the mean time from one crossing upwards of the still level to the next;
@@ -22,7 +22,7 @@ def describe_gauge(time: np.ndarray, level: np.ndarray) -> dict[str, float]:
 
     Args:
         time: [s], shape [sample_count].
-        level: [m], shape [sample_count]; the first is that at rest.
+        level: [m], shape [sample_count]; the first is the level at rest.
     """
     numbers = {"still level [m]": float(level[0])}
     crest, crest_time = find_crest(time, level)
@@ -55,7 +55,7 @@ def _upward(time: np.ndarray, rise: np.ndarray, band: float) -> np.ndarray:
 
 
 def off_observed(time: np.ndarray, level: np.ndarray, observed: dict[str, np.ndarray]) -> dict[str, float]:
-    """How far a record is off the observed one, at the instants of that which are in the record."""
+    """How far a record is off the observed one, at the observed instants within the record."""
     when, seen = observed.values()
     inside = (when >= time[0]) & (when <= time[-1])
     if not inside.any():

@@ -1,7 +1,7 @@
 """Plots of records, and the list of those that the report shows.
 
 A record is a CSV file of a run: its name is the name of the file, its columns are headed "name [unit]". `RECORDS` says
-which records there are and what is drawn of them; a new kind is one line there.
+which records there are and which columns are drawn; a new kind is one line there.
 """
 
 from __future__ import annotations
@@ -233,11 +233,11 @@ MOST_CURVES = 24
 
 
 def gauge_figure(levels: Curves, observed: Curves | None = None, onto: Figure | None = None) -> tuple[Figure, Axes]:
-    """The levels of gauges over that at rest, each named with the amplitude of its crest.
+    """The levels of gauges above rest, each named with the amplitude of its crest.
 
     Args:
         levels: Records of gauges by name; the first level is the level of the water at rest.
-        observed: Measured records by the name of their gauge, their level above that at rest.
+        observed: Measured records by the name of their gauge, with levels above rest.
         onto: A figure that is drawn upon anew, of those that this or `Records.plots` made.
     """
     figure, axes = small_plot(onto)

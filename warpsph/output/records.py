@@ -34,7 +34,7 @@ class Record:
     ) -> None:
         """Start the file, or go on with it: rows after `resume_at` [s] are dropped, they will come again.
 
-        `origin` is what is added to each column, in its unit: the origin of the scene where a column holds places.
+        `origin` is added to each column, in its unit: the origin of the scene where a column holds places, else 0.
         """
         self._origin = origin or [0.0] * len(columns)
         rows: list[list[str]] = []
@@ -56,7 +56,7 @@ class Record:
         self._writer.writerow([f"{time:.6f}", *cells])
 
     def confirm(self) -> None:
-        """Raise FileNotFoundError if the file was taken away: what is written then goes nowhere, without a word."""
+        """Raise FileNotFoundError if the file was taken away: rows would go nowhere then, without a word."""
         self._path.stat()
 
     def close(self) -> None:
@@ -111,7 +111,7 @@ def read_record(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_records(paths: Iterable[Path], *columns: str) -> dict[str, dict[str, np.ndarray]]:
-    """The records among `paths` that hold a row and all of `columns`, by name; of what else lies there it is told."""
+    """The records among `paths` that hold a row and all of `columns`, by name; the log tells of the others."""
     found = {}
     for path in sorted(paths):
         try:

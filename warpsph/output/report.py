@@ -175,7 +175,7 @@ def _sections(run_dir: Path, scene: Scene | None) -> Iterator[Chapter]:
             continue
         if kind.heading == "Wave gauges":
             gauge_figure(curves, _observed(scene), sheet)
-            plots = [("Level above that at rest over time, at each gauge", plot(sheet))]
+            plots = [("Level above rest over time, at each gauge", plot(sheet))]
         else:
             drawn = kind.plots(curves, _colors(scene, curves), sheet)
             plots = [(title, plot(figure)) for title, figure in drawn]  # each before the next is drawn
@@ -280,7 +280,7 @@ def _heights(scene: Scene) -> dict[str, float]:
 
 
 def _extent(shape: Any, up: int) -> tuple[float, float] | None:
-    """The lowest and the highest point of what is drawn in a scene [m]; None where that is not simply written there."""
+    """The lowest and the highest point drawn in a scene [m]; None where the file does not simply hold them."""
     round_one = getattr(shape, "disc", None) or getattr(shape, "sphere", None)
     if round_one:
         return round_one.center[-1] - round_one.radius, round_one.center[-1] + round_one.radius

@@ -24,10 +24,9 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
-from warpsph.output.usd import (
+from warpsph.output.usd_files import (
     FLUID_SCOPE,
     LOOK_SCOPE,
-    SURFACE_CLIPS,
     SURFACE_SCOPE,
     name_clips,
     new_stage,
@@ -35,6 +34,7 @@ from warpsph.output.usd import (
     publish,
 )
 
+SURFACE_CLIPS = "surfaces"
 # In spacings: the smoothing length of the kernel, whose support is twice that, and the edge of a marching cube.
 SMOOTHING, CUBE = 1.0, 0.5
 # How near the volume of a mesh comes to the volume of its particles, over the latter [-].

@@ -12,31 +12,23 @@ opens and holds all the frames that were finished.
 
 from __future__ import annotations
 
-import contextlib
 import errno
-import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+from numpy.typing import ArrayLike
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpsph.output import fields as frame_fields
-from warpsph.output.camera import Camera
+from warpsph.output.usd_files import BODY_SCOPE, FLUID_SCOPE, name_clips, new_stage, off_stage, prim_names, publish
+from warpsph.output.usd_scenery import DrawnBody, Place, linear_color, static_stage
 
 if TYPE_CHECKING:
     from warpsph.state import Snapshot
 
-CLIP_SET, SURFACE_CLIPS = "frames", "surfaces"
-SURFACE_SCOPE = "/World/Surface"
-FLUID_SCOPE = "/World/Fluid"
-WALL_SCOPE = "/World/Walls"
-BODY_SCOPE = "/World/Bodies"
-LOOK_SCOPE = "/World/Looks"
-CAMERA, LIGHT_SCOPE = "/World/Camera", "/World/Lights"
-
+CLIP_SET = "frames"
 # What changes from frame to frame, and so lives in the clips alone: a value in the root would hide them.
 CLIPPED_ATTRIBUTES = {
     "points": (Sdf.ValueTypeNames.Point3fArray, "Position [m]."),
@@ -61,39 +53,6 @@ FIELDS = ("pressure", "density")
 RHEOLOGY_PRIMVARS = _declared(one for one in _PRIMVARS if one.is_rheological)
 
 
-@dataclass(frozen=True)
-class DrawnBody:
-    """A rigid body as it is drawn.
-
-    Attributes:
-        corners: About its centre [m], shape [n, 3].
-        faces: Indices into `corners` around each face, counter-clockwise from outside; one, the outline, in 2-D.
-        color: `#rrggbb`.
-    """
-
-    corners: np.ndarray
-    faces: list[list[int]]
-    color: str
-
-
-# Position of the centre [m], shape [3], and orientation as a quaternion [x, y, z, w].
-Place = tuple[np.ndarray, np.ndarray]
-
-
-def publish(layer: Sdf.Layer, path: Path) -> None:
-    """Write a layer beside its place, then rename it: neither a reader nor a kill ever meets half a file."""
-    partial = path.with_name(f".{path.name}")
-    try:
-        reason = "" if layer.Export(str(partial)) else "no reason given"
-    except Tf.ErrorException as error:
-        reason = "; ".join(part.commentary for part in error.args)
-    if reason:
-        with contextlib.suppress(OSError):  # what there is of it only fills the disk
-            partial.unlink()
-        raise OSError(errno.EIO, f"could not be written: {reason}", str(path))
-    os.replace(partial, path)
-
-
 def require_frames(folder: Path, count: int) -> None:
     """Raise FileNotFoundError unless the first `count` frames of the cache in `folder` are there."""
     for path in (folder / "frames" / _frame_name(frame) for frame in range(count)):
@@ -101,83 +60,8 @@ def require_frames(folder: Path, count: int) -> None:
             raise FileNotFoundError(errno.ENOENT, "this frame of the cache is missing", str(path))
 
 
-def off_stage(stage: Usd.Stage, suffix: str) -> Sdf.Layer:
-    """A layer with the content of a stage, of the format that `suffix` names."""
-    layer = Sdf.Layer.CreateAnonymous(suffix)
-    layer.TransferContent(stage.GetRootLayer())
-    return layer
-
-
 def _frame_name(frame: int) -> str:
     return f"fluid.{frame:05d}.usdc"
-
-
-def _prim_names(names: Iterable[str]) -> list[str]:
-    """A different legal USD name for each of the scene's names."""
-    prim_names: list[str] = []
-    for name in names:
-        prim_name = Tf.MakeValidIdentifier(name)
-        while prim_name in prim_names:
-            prim_name += "_"
-        prim_names.append(prim_name)
-    return prim_names
-
-
-def _linear_color(color: str) -> Gf.Vec3f:
-    """USD colours are linear; `#rrggbb` is sRGB."""
-    encoded = np.frombuffer(bytes.fromhex(color.removeprefix("#")), dtype=np.uint8) / 255.0
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return Gf.Vec3f(*linear.tolist())
-
-
-def _ribbon(outline: np.ndarray, half_width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and four-cornered faces of an outline in the x-z plane, shape [corner_count, 2], widened along y."""
-    turns = np.any(np.diff(outline, axis=0) != 0.0, axis=1)
-    outline = outline[np.append(True, turns)]  # a corner written twice would make a face without area
-    points = np.zeros((len(outline), 2, 3), dtype=np.float32)
-    points[:, :, 0] = outline[:, None, 0]
-    points[:, :, 1] = -half_width, half_width
-    points[:, :, 2] = outline[:, None, 1]
-    first = 2 * np.arange(len(outline) - 1, dtype=np.int32)
-    return points.reshape(-1, 3), np.stack([first, first + 1, first + 3, first + 2], axis=1)
-
-
-# Parameters of the preview materials: of fluids, bodies and walls.
-WET = {"roughness": 0.15, "ior": 1.333}
-DRY = {"roughness": 0.6}
-GLASS = {"roughness": 0.2, "opacity": 0.25}
-WALL_COLOR = "#b9c0c6"
-
-
-def _add_look(stage: Usd.Stage, name: str, color: str, parameters: Mapping[str, float]) -> str:
-    """Define a preview material, which every renderer knows, and return its path."""
-    path = f"{LOOK_SCOPE}/{name}"
-    material = UsdShade.Material.Define(stage, path)
-    shader = UsdShade.Shader.Define(stage, f"{path}/surface")
-    shader.CreateIdAttr("UsdPreviewSurface")
-    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(_linear_color(color))
-    for parameter, value in parameters.items():
-        shader.CreateInput(parameter, Sdf.ValueTypeNames.Float).Set(value)
-    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-    return path
-
-
-def _loose_faces(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and four-cornered faces of faces in space, shape [face_count, 4, 3]."""
-    points = faces.reshape(-1, 3).astype(np.float32)
-    return points, np.arange(len(points), dtype=np.int32).reshape(-1, 4)
-
-
-def _slab(corners: np.ndarray, half_width: float) -> tuple[np.ndarray, list[list[int]]]:
-    """Points and faces of what an outline encloses, counter-clockwise, shape [n, 3], widened along y."""
-    count = len(corners)
-    reach = np.array([0.0, half_width, 0.0])
-    sides = [[i, (i + 1) % count, count + (i + 1) % count, count + i] for i in range(count)]
-    return np.concatenate([corners - reach, corners + reach]), [
-        list(range(count)),
-        list(range(2 * count - 1, count - 1, -1)),
-        *(side[::-1] for side in sides),
-    ]
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -192,32 +76,6 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def new_stage(frames_per_second: float) -> Usd.Stage:
-    """A stage in memory with the units and the axes that every file of the cache states."""
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    stage.SetTimeCodesPerSecond(frames_per_second)
-    stage.SetFramesPerSecond(frames_per_second)
-    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
-    return stage
-
-
-def name_clips(layer: Sdf.Layer, path: str, clips: str, manifest: str, assets: Sequence[str]) -> None:
-    """Name the files of frames 0, 1, ... as value clips of the prim at `path`, as the set that is called `clips`."""
-    identity = Vt.Vec2dArray.FromNumpy(np.repeat(np.arange(len(assets), dtype=float)[:, None], 2, axis=1))
-    prim = layer.GetPrimAtPath(path)
-    prim.SetInfo("clipSets", Sdf.StringListOp.CreateExplicit([clips]))
-    facts = {
-        "primPath": path,
-        "manifestAssetPath": Sdf.AssetPath(manifest),
-        "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(asset) for asset in assets]),
-        "active": identity,
-        "times": identity,
-    }
-    prim.SetInfo("clips", {clips: facts})
-
-
 class UsdCache:
     """Writes the USD cache of one run, a frame at a time.
 
@@ -226,7 +84,7 @@ class UsdCache:
         fluids: Name of each fluid, in the order of `Snapshot.fluid`, and its colour as `#rrggbb`.
         walls: Name of each wall and its outline in the x-z plane [m], shape [corner_count, 2]; a closed outline ends
             where it starts. In 3-D its four-cornered faces [m], shape [face_count, 4, 3].
-        bodies: Name of each rigid body and what is drawn of it.
+        bodies: Name of each rigid body and its drawing.
         spacing: Particle spacing [m], drawn as the diameter of a particle.
         origin: From where all points count [m]: where the world is put.
         frames_per_second: Frames per second of simulated time; frame i is at time code i.
@@ -256,22 +114,20 @@ class UsdCache:
         provenance: Mapping[str, Any] | None = None,
         resume_at: int | None = None,
         rheology: bool = False,
-        extent: tuple[Sequence[float], Sequence[float]],
+        extent: tuple[ArrayLike, ArrayLike],
         fields: bool = True,
         shows_walls: bool = True,
     ) -> None:
         self.folder = Path(folder)
         self.root = self.folder / "scene.usda"
         self.frame_count = resume_at or 0
-        self._fluids = dict(zip(_prim_names(fluids), fluids.items(), strict=True))
-        self._bodies = dict(zip(_prim_names(bodies or {}), (bodies or {}).items(), strict=True))
+        self._fluids = dict(zip(prim_names(fluids), fluids.items(), strict=True))
+        self._bodies = dict(zip(prim_names(bodies or {}), (bodies or {}).items(), strict=True))
         self._spacing, self._origin = spacing, origin
         self._frames_per_second = frames_per_second
         self._provenance = dict(provenance or {})
         kept = {name: primvar for name, primvar in CLIPPED_PRIMVARS.items() if fields or name not in FIELDS}
         self._primvars = kept | (RHEOLOGY_PRIMVARS if rheology else {})
-        self._shows_walls = shows_walls
-        self._extent = np.asarray(extent, dtype=float)
 
         frames = self.folder / "frames"
         if resume_at is not None:
@@ -288,11 +144,20 @@ class UsdCache:
             self._write_root()
         else:
             self.root.unlink(missing_ok=True)
-        kept = {self._frame_path(frame) for frame in range(self.frame_count)}
+        finished = {self._frame_path(frame) for frame in range(self.frame_count)}
         unfinished = [*self.folder.glob(".scene.*"), *frames.glob(".fluid.*")]
-        for path in {*frames.glob("fluid.*.usdc"), *unfinished} - kept:
+        for path in {*frames.glob("fluid.*.usdc"), *unfinished} - finished:
             path.unlink()
-        static, manifest = self._make_static_stage(walls), self._declare_fluids()
+        static = static_stage(
+            frames_per_second,
+            {prim_name: color for prim_name, (_, color) in self._fluids.items()},
+            walls,
+            self._bodies,
+            spacing=spacing,
+            extent=np.asarray(extent, dtype=float),
+            shows_walls=shows_walls,
+        )
+        manifest = self._declare_fluids()
         publish(static.GetRootLayer(), self.folder / "static.usdc")
         publish(manifest.GetRootLayer(), self.folder / "manifest.usda")
 
@@ -378,83 +243,7 @@ class UsdCache:
             points = UsdGeom.Points(stage.GetPrimAtPath(f"{FLUID_SCOPE}/{prim_name}"))
             points.CreateWidthsAttr([self._spacing])
             points.SetWidthsInterpolation(UsdGeom.Tokens.constant)
-            points.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(color)])
-
-    def _bind(self, prim: Usd.Prim, look: str) -> None:
-        UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material(prim.GetStage().GetPrimAtPath(look)))
-
-    def _make_static_stage(self, walls: Mapping[str, np.ndarray]) -> Usd.Stage:
-        """Walls, in 2-D as ribbons two spacings wide across the x-z plane; bodies; materials, camera and lights."""
-        stage = new_stage(self._frames_per_second)
-        UsdGeom.Scope.Define(stage, WALL_SCOPE)
-        UsdGeom.Scope.Define(stage, LOOK_SCOPE)
-        for prim_name, (_, color) in self._fluids.items():
-            fluid = UsdGeom.Points.Define(stage, f"{FLUID_SCOPE}/{prim_name}").GetPrim()
-            self._bind(fluid, _add_look(stage, prim_name, color, WET))
-        for prim_name, (_, body) in self._bodies.items():
-            _add_look(stage, f"{prim_name}_body", body.color, DRY)
-        _add_look(stage, "wall", WALL_COLOR, GLASS)
-        for prim_name, (name, drawn) in zip(_prim_names(walls), walls.items(), strict=True):
-            mesh = UsdGeom.Mesh.Define(stage, f"{WALL_SCOPE}/{prim_name}")
-            mesh.GetPrim().SetDisplayName(name)
-            points, faces = _ribbon(drawn, self._spacing) if drawn.ndim == 2 else _loose_faces(drawn)
-            mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-            mesh.CreateFaceVertexCountsAttr([4] * len(faces))
-            mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(faces.ravel()))
-            mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
-            mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-            mesh.CreateDoubleSidedAttr(True)
-            mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(WALL_COLOR)])
-            mesh.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.constant).Set([GLASS["opacity"]])
-            self._bind(mesh.GetPrim(), f"{LOOK_SCOPE}/wall")
-            if not self._shows_walls:
-                mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
-        for prim_name, (name, body) in self._bodies.items():
-            UsdGeom.Xform.Define(stage, f"{BODY_SCOPE}/{prim_name}").GetPrim().SetDisplayName(name)
-            mesh = UsdGeom.Mesh.Define(stage, f"{BODY_SCOPE}/{prim_name}/{prim_name}")
-            points, faces = _slab(body.corners, self._spacing) if len(body.faces) == 1 else (body.corners, body.faces)
-            mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
-            mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
-            mesh.CreateFaceVertexIndicesAttr([corner for face in faces for corner in face])
-            mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(mesh.GetPointsAttr().Get()))
-            mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-            mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([_linear_color(body.color)])
-            self._bind(mesh.GetPrim(), f"{LOOK_SCOPE}/{prim_name}_body")
-        self._frame(stage, *walls.values())
-        return stage
-
-    def _frame(self, stage: Usd.Stage, *walls: np.ndarray) -> None:
-        """A camera that has all of it in its picture, and lights: the sky and a sun."""
-        low, high = self._extent
-        for drawn in walls:
-            points = np.insert(drawn, 1, 0.0, axis=1) if drawn.ndim == 2 else drawn.reshape(-1, 3)
-            if len(points):
-                low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-        is_sheet = high[1] - low[1] < 2.0 * self._spacing
-        eye = Camera.of("front" if is_sheet else "perspective", low, high)
-        middle, reach = 0.5 * (low + high), 0.5 * (high - low)
-        away = np.cross(eye.up, eye.right)
-        wide, tall, deep = (float(np.abs(direction) @ reach) for direction in (eye.right, eye.up, away))
-        camera = UsdGeom.Camera.Define(stage, CAMERA)
-        aperture = camera.GetHorizontalApertureAttr().Get(), camera.GetHorizontalApertureAttr().Get() * 9.0 / 16.0
-        camera.CreateVerticalApertureAttr(aperture[1])
-        focal = camera.GetFocalLengthAttr().Get()
-        # So far off that what is nearest still fits, with a tenth of air around it.
-        distance = deep + 1.1 * 2.0 * focal * max(wide / aperture[0], tall / aperture[1])
-        camera.CreateFocusDistanceAttr(distance)
-        camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
-        at = middle - distance * away
-        rows = [[*axis, 0.0] for axis in (eye.right, eye.up, -away)]
-        camera.AddTransformOp().Set(Gf.Matrix4d(*rows[0], *rows[1], *rows[2], *at, 1.0))
-        UsdGeom.Scope.Define(stage, LIGHT_SCOPE)
-        sky = UsdLux.DomeLight.Define(stage, f"{LIGHT_SCOPE}/sky")
-        sky.CreateIntensityAttr(0.6)
-        sky.CreateColorAttr(Gf.Vec3f(1.0))
-        sun = UsdLux.DistantLight.Define(stage, f"{LIGHT_SCOPE}/sun")
-        sun.CreateIntensityAttr(1.0)
-        sun.CreateNormalizeAttr(True)  # the intensity is that on a surface, however small the sun's disc
-        sun.CreateAngleAttr(1.0)
-        UsdGeom.Xformable(sun).AddRotateXYZOp().Set(Gf.Vec3f(40.0, -20.0, 0.0))
+            points.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([linear_color(color)])
 
     def _make_frame_layer(self) -> Sdf.Layer:
         """What all frames have in common; off any stage, which would follow every change."""

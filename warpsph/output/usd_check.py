@@ -13,18 +13,8 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from warpsph.output.surface import enclosed_volume, is_watertight, particle_volume
-from warpsph.output.usd import (
-    BODY_SCOPE,
-    CAMERA,
-    CLIP_SET,
-    CLIPPED_ATTRIBUTES,
-    CLIPPED_PRIMVARS,
-    FIELDS,
-    FLUID_SCOPE,
-    LIGHT_SCOPE,
-    RHEOLOGY_PRIMVARS,
-    SURFACE_SCOPE,
-)
+from warpsph.output.usd import CLIP_SET, CLIPPED_ATTRIBUTES, CLIPPED_PRIMVARS, FIELDS, RHEOLOGY_PRIMVARS
+from warpsph.output.usd_files import BODY_SCOPE, CAMERA, FLUID_SCOPE, LIGHT_SCOPE, SURFACE_SCOPE
 
 # How far the volume that a surface encloses may be off the volume of its particles.
 VOLUME_ERROR = 0.03
@@ -238,7 +228,7 @@ def _motion_problems(before: Arrays, after: Arrays, dt: float, diameter: float, 
     if not stayed.all():
         before = {name: values[stayed] for name, values in before.items() if len(values) == len(stayed)}
     if not np.array_equal(before["ids"], after["ids"]):
-        yield "ids are not those of the frame before"
+        yield "ids differ from the frame before"
         return
     moved = after["points"].astype(np.float64) - before["points"]
     velocity, next_velocity = (arrays["velocities"].astype(np.float64) for arrays in (before, after))

@@ -18,7 +18,7 @@ import numpy as np
 from warpsph.output.fields import fields_of
 
 if TYPE_CHECKING:
-    from warpsph.output.usd import Place
+    from warpsph.output.usd_scenery import Place
     from warpsph.state import Snapshot
 
 # Names of VTK for types of NumPy; numbers are little-endian.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -24,7 +24,7 @@ from warpsph.state import Snapshot
 
 if TYPE_CHECKING:
     from warpsph.output.frames import FrameWriter
-    from warpsph.output.usd import DrawnBody, Place
+    from warpsph.output.usd_scenery import DrawnBody, Place
 
 
 class Writer(Protocol):
@@ -44,7 +44,8 @@ class Outputs:
         """`resume_at` is the first frame that is yet to come when a run goes on; None for a new run."""
         self._scene, self._simulation, self._folder, self._resume_at = scene, simulation, folder, resume_at
         self._frame = resume_at or 0
-        self._thread, self._writing = ThreadPoolExecutor(1), None
+        self._thread = ThreadPoolExecutor(1)
+        self._writing: Future[None] | None = None
         self._pinned: tuple[dict[str, wp.array], ...] = ({}, {})  # one is written out while the other is filled
         self._names = [name for name in WRITERS if getattr(scene.output, name)]
         self._writers: list[Writer] | None = None
@@ -64,7 +65,7 @@ class Outputs:
         if not self._names:
             return
         snapshot = self._simulation.state.snapshot(self._pinned[self._frame % 2])
-        # Copies: on the CPU the places are views of what the steps that go on write to.
+        # Copies: on the CPU the places are views of arrays that the next steps write to.
         places = [(x.copy(), q.copy()) for x, q in self._simulation.bodies.places()] if self._simulation.bodies else []
         self.wait()
         self._writing = self._thread.submit(self._write, self._frame, snapshot, places)
@@ -82,6 +83,9 @@ class Outputs:
     def finish(self) -> None:
         """Let the writers begin what comes last, such as the animation, which goes into the page of `report`."""
         self.wait()
+        # Before the page is loaded beside them: USD gives Python up while it holds the loader of libraries, which the
+        # page then waits for with Python in its hands. A run that ends before its first frame hung there.
+        self._open()
         self._writing = self._thread.submit(self._finish)
 
     def _finish(self) -> None:
@@ -191,7 +195,7 @@ FILES: dict[str, str] = {
 
 def drawn_bodies(scene: Scene, start: Start) -> dict[str, DrawnBody]:
     """What is drawn of each body."""
-    from warpsph.output.usd import DrawnBody
+    from warpsph.output.usd_scenery import DrawnBody
 
     colors = body_colors(scene)
     return {
@@ -223,8 +227,8 @@ def frame_writer(scene: Scene, start: Start, folder: Path) -> FrameWriter:
     camera = Camera.of(projection, low, high)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
     window = list(window_around(camera.project(corners)[0], scene.spacing))
-    for side, axis in enumerate(camera.axes or ()):  # what the scene asks for is what is seen
-        window[side] = getattr(view, axis) or window[side]
+    for side, name in enumerate(camera.axes or ()):  # the scene's own bounds win
+        window[side] = getattr(view, name) or window[side]
     return FrameWriter(
         folder,
         title=scene.title,

@@ -1,4 +1,4 @@
-"""The bodies of a scene: from what is drawn to rigid bodies in their places, and refusals of those that cannot be.
+"""The bodies of a scene: from drawings to rigid bodies in their places, and refusals of impossible bodies.
 
 Everything here happens once, on the host. Points are [x, y, z], with y = 0 in a 2-D scene, whose bodies are slices 1 m
 wide. In the scene and the records angles, spins and torques of a 2-D body are counter-clockwise as one looks at the
@@ -43,7 +43,7 @@ class Solid:
     Attributes:
         body: Its mass, motion and contact; the points of its surface stand back from the drawing, as in walls.
         form: What is drawn of it.
-        samples: Points all over what is drawn, a wall's spacing apart [m], shape [n, 3].
+        samples: Points all over the drawing, a wall's spacing apart [m], shape [n, 3].
     """
 
     body: Body
@@ -88,7 +88,7 @@ def place_bodies(scene: Scene, drawn: Sequence[Array]) -> list[Solid]:
                 continue  # as most of many are
             spot = _overlap(scene, solid, earlier.samples)
             spot = _overlap(scene, earlier, solid.samples) if spot is None else spot
-            # Of two that lie just in each other every place of the surface of one is on that of the other.
+            # Where two bodies lie just in each other, every place on one's surface is on the other's.
             spot = _overlap(scene, earlier, solid.body.surface.points) if spot is None else spot
             if spot is not None:
                 raise scene.error(f"{path}.shape", f"overlaps body '{other.name}', at {scene.spot(spot)}")

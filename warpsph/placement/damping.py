@@ -26,8 +26,10 @@ class Zone:
 
 def _waves(scene: Scene, zone: DampingZone) -> tuple[float, dict[str, float]]:
     """The period [s] of the waves that a zone is to take up, and what else their length comes from."""
-    period = zone.period or scene.wave_maker.period
-    return period, {"depth": zone.depth or scene.wave_maker.depth, "gravity": scene.gravity}
+    maker = scene.wave_maker
+    period, depth = zone.period or (maker and maker.period), zone.depth or (maker and maker.depth)
+    assert period and depth, "a zone without them is refused where there is no wave maker"
+    return period, {"depth": depth, "gravity": scene.gravity}
 
 
 def zone_length(scene: Scene, i: int) -> float:

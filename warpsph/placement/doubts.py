@@ -39,7 +39,7 @@ def doubts_of(
 ) -> list[str]:
     """Warnings about what can be run but was hardly meant.
 
-    `position` [m], shape [n, 3], are all particles, `counts` those of each fluid; `drawn` are points on each of the
+    `position` [m], shape [n, 3], are all particles, `counts` how many each fluid has; `drawn` are points on each of the
     `walls` [m], shape [n, 3], `dummies` the dummy particles of all walls [m], shape [n, 3].
     """
     ends = np.cumsum(counts).tolist()
@@ -180,8 +180,7 @@ def _of_gauges(
             if not low[axis] <= place <= high[axis]:
                 beyond = True
                 first, last, here = (x + scene.origin[axis] for x in (low[axis], high[axis], place))
-                reach = f"which reach from {first:.12g} to {last:.12g} m"
-                words = f"{here:.12g} m lies beyond the walls, {reach}"
+                words = f"{here:.12g} m lies beyond the walls, which reach from {first:.12g} to {last:.12g} m"
                 yield scene.error(f"gauges[{i}].{'xy'[axis]}", words)
         if beyond:
             continue

@@ -37,7 +37,9 @@ def solid(scene: Scene, shape: Shape) -> Prism | Sphere:
     area = math.pi * shape.disc.radius**2 if shape.disc else _area(outline.polygon())
     if scene.dimensions == 2:
         return Prism(outline, (-0.5 * scene.spacing, 0.5 * scene.spacing), area)
-    width = shape.width or (shape.box.min[1], shape.box.max[1])
+    box = shape.box
+    width = (box.min[1], box.max[1]) if box and not shape.width else shape.width
+    assert width, "a shape in space is a box or has a width"
     return Prism(outline, width, area * (width[1] - width[0]))
 
 
@@ -64,6 +66,7 @@ def closed_outline(part: WallField | Shape | SolidField) -> Outline:
         (left, *_, low), (right, *_, high) = part.box.min, part.box.max
         corners = np.array([[left, low], [right, low], [right, high], [left, high]])
     else:
+        assert not isinstance(part, WallField), "a wall that is closed is a box, a disc or a path"
         corners = np.array(part.polygon)
     return Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), closed=True)
 

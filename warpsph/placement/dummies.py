@@ -45,7 +45,7 @@ NO_DUMMIES = Dummies(np.empty((0, 3)), np.empty(0), np.empty(0, dtype=np.int64),
 def place_dummies(scene: Scene, walls: Sequence[Wall], sides: Sequence[int], fluid: Array, reach: float) -> Dummies:
     """The dummies of all walls.
 
-    `sides` are those on which the fluid is, `fluid` its particles [m], shape [n, 3], `reach` the support of the
+    `sides` are the wall's sides with fluid, `fluid` its particles [m], shape [n, 3], `reach` the support of the
     smoothing kernel [m], which layers fill.
 
     Raises:

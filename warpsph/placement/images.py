@@ -90,12 +90,13 @@ def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
     edges, images = [], []
     for i, spec in enumerate(scene.images):
         path = f"images[{i}]"
-        if spec.mirror:
+        if spec.mirror is not None:
             point, normal = spatial(spec.mirror.point), spatial(spec.mirror.normal)
             normal = normal / np.linalg.norm(normal)
             edges.append(Edge(normal, float(normal @ point), spec.name, path))
             images.append(_reflection(spec, edges[-1]))
         else:
+            assert spec.periodic, "an image is a mirror or periodic"
             start, end = spatial(spec.periodic.start), spatial(spec.periodic.end)
             along = (end - start) / np.linalg.norm(end - start)
             edges.append(Edge(along, float(along @ start), spec.name, path))
@@ -107,7 +108,7 @@ def find_edges(scene: Scene) -> tuple[list[Edge], list[Image]]:
 
 
 def find_images(scene: Scene, radius: float, lower: Array, upper: Array) -> tuple[list[Edge], list[Image]]:
-    """Edges, and all images through which what is within the edges is seen, up to `radius` [m] beyond them.
+    """Edges, and all images through which the inside of the edges is seen, up to `radius` [m] beyond them.
 
     `lower` and `upper` [m], shape [3], are corners of a box around all that counts. The first images are made by the
     edges, in their order.
@@ -165,15 +166,17 @@ def _reflection(spec: ImageField, edge: Edge) -> Image:
     """The image in a mirror, with its rule of velocity."""
     R = np.eye(3) - 2.0 * np.outer(edge.normal, edge.normal)
     t = 2.0 * edge.offset * edge.normal
-    u_wall = spatial(spec.mirror.velocity) if spec.mirror.velocity else np.zeros(3)
+    mirror = spec.mirror
+    assert mirror, "asked of mirrors alone"
+    u_wall = spatial(mirror.velocity) if mirror.velocity else np.zeros(3)
     F, f = {
         "free_slip": (R, np.zeros(3)),
         "no_slip_opposite": (-np.eye(3), 2.0 * u_wall),
         "no_slip_wall": (np.zeros((3, 3)), u_wall),
         "takeda": (-np.eye(3), 2.0 * u_wall),  # in a corner, where there is no one wall to extrapolate from
-    }[spec.mirror.velocity_rule]
+    }[mirror.velocity_rule]
     wall = (edge.normal, edge.offset, u_wall)
-    return Image(R, t, t, F, f, wall, spec.mirror.velocity_rule == "takeda")
+    return Image(R, t, t, F, f, wall, mirror.velocity_rule == "takeda")
 
 
 def _shift(by: Array) -> Image:
@@ -251,7 +254,7 @@ def _gap(image: Image, corners: Array, planes: Sequence[tuple[Array, float]]) ->
 def folded(edges: Sequence[Edge], images: Sequence[Image], position: Array, velocity: Array) -> tuple[Array, Array]:
     """Where particles that have left through an edge since they were folded are seen, and how fast they go.
 
-    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types; without edges they are what is given.
+    `position` [m] and `velocity` [m/s] have shape [n, 3] and keep their types; without edges they come back.
     """
     if not edges:
         return position, velocity

@@ -1,4 +1,4 @@
-"""Lattices: centres of cells in slabs, and what is asked of many points block by block."""
+"""Lattices: centres of cells in slabs, and questions to many points, block by block."""
 
 from __future__ import annotations
 

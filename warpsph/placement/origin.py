@@ -1,4 +1,4 @@
-"""The origin of a scene: what is drawn far from zero, on a map, is placed and run from a point nearby.
+"""The origin of a scene: a drawing far from zero, on a map, is placed and run from a point nearby.
 
 Single precision, in which pairs of particles are summed, has steps of 0.03 m at x = 412,345 m. So the numbers of the
 scene are shifted once, before anything is placed, and what leaves a run has the origin added again.
@@ -40,7 +40,7 @@ def find_origin(scene: Scene) -> dict[str, int]:
     also one that is drawn at zero with its least coordinates from -0.5 m to less than 0.5 m.
     """
     drawn: dict[str, list[float]] = {"x": [], "y": [], "z": []}
-    parts = [*scene.walls, *(part for fluid in scene.fluids for part in (fluid.shape, fluid.fill) if part)]
+    parts: list[Any] = [*scene.walls, *(part for fluid in scene.fluids for part in (fluid.shape, fluid.fill) if part)]
     parts += [body for body in scene.bodies if body.at] + [body.shape for body in scene.bodies if not body.at]
     for part in parts:
         for axis, value in _numbers(part):

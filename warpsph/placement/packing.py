@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from warpsph.device.launch import launch
+from warpsph.device.launch import bound, launch
 from warpsph.kernels.packing import pack_kernel
 from warpsph.kernels.smoothing import SMOOTHING
 from warpsph.placement.bodies import Solid
@@ -43,7 +43,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
     mirrors = [mirror for sites in fluids if sites.cut.any() for mirror in sites.mirrors]
     kernel, h, dx = SMOOTHING[scene.smoothing.kernel], scene.smoothing_length, scene.spacing
     reach = kernel.support * h
-    # What is near what is free, and nothing else, counted from a corner: in single precision.
+    # Points near free ones, and no others, counted from a corner: in single precision.
     low, high = position[free].min(axis=0) - 2.0 * reach, position[free].max(axis=0) + 2.0 * reach
     beside = np.flatnonzero(np.all((position > low) & (position < high), axis=1))
     around = np.all((walls > low) & (walls < high), axis=1)
@@ -61,13 +61,17 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         with wp.ScopedDevice("cpu"):
             here = wp.array(points, dtype=wp.vec3)
             there = wp.empty_like(here)
-            fixed = [wp.array(numbers, dtype=float) for numbers in (volumes, mobility)]
-            planes = [wp.array(normals, dtype=wp.vec3), wp.array(offsets, dtype=float)]
-            given = [h, norm, dx, int(scene.dimensions == 2), *planes]
-            grid = wp.HashGrid(*cells)
+            grid, pack = wp.HashGrid(*cells), pack_kernel(scene.smoothing.kernel)
+            given = {"grid": grid.id, "h": h, "gradient_norm": norm, "spacing": dx} | {
+                "in_plane": int(scene.dimensions == 2),
+                "plane_normal": wp.array(normals, dtype=wp.vec3),
+                "plane_offset": wp.array(offsets, dtype=float),
+                "volume": wp.array(volumes, dtype=float),
+                "mobility": wp.array(mobility, dtype=float),
+            }
             for sweep in range(sweeps):
                 grid.build(here, reach)
-                launch(pack_kernel(scene.smoothing.kernel), len(points), [0, grid.id, *given, here, *fixed, there])
+                launch(pack, len(points), [0, *bound(pack, (), given | {"position": here, "position_out": there})])
                 here, there = there, here
                 if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                     break
@@ -88,7 +92,7 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
         # The others must make room for it again.
         points[moved[~fits]] = before[~fits] - low
         mobility[moved[~fits]] = -1.0
-    axes = [0, 1, 2] if scene.dimensions == 3 else [0, 2]
+    axes = np.array([0, 1, 2] if scene.dimensions == 3 else [0, 2])
     position = position.copy()
     position[np.ix_(beside[moved], axes)] = (points[moved] + low)[:, axes]
     return position

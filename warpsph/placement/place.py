@@ -1,4 +1,4 @@
-"""From a scene to points: walls sampled evenly, fluids cut from square or cubic lattices, refusals of what cannot be.
+"""From a scene to points: walls sampled evenly, fluids cut from square or cubic lattices, refusals of the impossible.
 
 Everything here happens once, on the host, in double precision, before a particle is made on a device.
 
@@ -75,7 +75,7 @@ class Placement:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """How many particles each fluid has; those of one fluid follow each other."""
+        """How many particles each fluid has; the particles of one fluid follow each other."""
         ends = np.searchsorted(self.fluid, np.arange(len(self.volume) + 1, dtype=np.int32))
         return tuple(np.diff(ends).tolist())
 
@@ -176,7 +176,7 @@ def place(scene: Scene) -> Placement:
     for (_, normals, _), side in zip(samples, sides, strict=True):
         normals *= side
     ways = [one.ways_along(points) for one, (points, _, _) in zip(walls, samples, strict=True)]
-    points, normals, areas = zip(*samples, strict=True) if walls else ((), (), ())
+    places, facing, areas = zip(*samples, strict=True) if walls else ((), (), ())
     before, after = zip(*ways, strict=True) if walls else ((), ())
     placement = Placement(
         position=position,
@@ -184,8 +184,8 @@ def place(scene: Scene) -> Placement:
         fluid=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
         initial_depth=depth,
         volume=volumes,
-        wall_position=joined(points),
-        wall_normal=joined(normals),
+        wall_position=joined(places),
+        wall_normal=joined(facing),
         wall_before=joined(before),
         wall_after=joined(after),
         wall_area=joined(areas, (0,)),
@@ -206,11 +206,9 @@ def _velocities(scene: Scene, position: Array, counts: Sequence[int]) -> Array:
 
     Where all start alike it is one row that is seen n times, not to be written to.
     """
-    given = [
-        fluid.velocity if len(fluid.velocity) == 3 else np.insert(fluid.velocity, 1, 0.0) for fluid in scene.fluids
-    ]
+    given = np.array([u if len(u) == 3 else np.insert(u, 1, 0.0) for u in (fluid.velocity for fluid in scene.fluids)])
     if len(np.unique(given, axis=0)) == 1 and not any(fluid.shear_wave for fluid in scene.fluids):
-        return np.broadcast_to(np.array(given[0]) + 0.0, position.shape)
+        return np.broadcast_to(given[0] + 0.0, position.shape)
     velocity = np.repeat(given, counts, axis=0) + 0.0
     ends = np.cumsum(counts).tolist()
     for fluid, count, end in zip(scene.fluids, counts, ends, strict=True):

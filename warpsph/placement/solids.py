@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ class Form(Protocol):
     Attributes:
         outline: Its exact outline, counter-clockwise, for contact in 2-D.
         mesh: Its exact surface, for contact in 3-D.
-        ball: Centre [m], shape [3], and radius [m] of what touches as a ball.
+        ball: Centre [m], shape [3], and radius [m] of a ball in contact.
     """
 
     outline: Outline | None
@@ -63,7 +63,7 @@ class Form(Protocol):
         density: float | None,
         mass: float | None,
         centre: Sequence[float] | None,
-        inertia: float | Sequence[float] | None,
+        inertia: Any,
     ) -> MassProperties:
         """What it weighs: of an even `density` [kg/m3] or with a `mass` [kg], where these are not given by
         `centre` [m] and `inertia` [kg m2], as the scene draws it."""
@@ -105,12 +105,13 @@ def form_of(scene: Scene, path: str, body: BodyField) -> Form:
 class Flat:
     """A form of the plane: what an outline encloses, a slice 1 m wide."""
 
-    mesh, ball = None, None
+    mesh: Mesh | None = None
+    ball: tuple[Array, float] | None = None
 
     def __init__(self, drawn: Outline, at: Array, angle: float) -> None:
         """`drawn` is moved to `at` [m] and turned by `angle` [rad]."""
         self._at, self._angle = at, angle
-        self.outline = counter_clockwise(drawn.moved(at, angle))
+        self.outline: Outline | None = counter_clockwise(drawn.moved(at, angle))
         self._sheet = Sheet(self.outline)
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
@@ -152,12 +153,13 @@ class Flat:
 class Faceted:
     """A form in space that a mesh encloses."""
 
-    outline, ball = None, None
+    outline: Outline | None = None
+    ball: tuple[Array, float] | None = None
 
     def __init__(self, drawn: Mesh, turn: Array, at: Array) -> None:
         """`drawn` is turned by the matrix `turn`, shape [3, 3], and moved to `at` [m]."""
         self._turn, self._at = turn, at
-        self.mesh = Mesh(drawn.vertices @ turn.T + at, drawn.triangles)
+        self.mesh: Mesh | None = Mesh(drawn.vertices @ turn.T + at, drawn.triangles)
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """As of every `Form`."""
@@ -293,7 +295,7 @@ def _filled(points: Array, volumes: Array) -> Surface:
 
 
 def _stood_back(outline: Outline, distance: float) -> Outline:
-    """The outline of the points that push the fluid, `distance` [m] inside of what is drawn."""
+    """The outline of the points that push the fluid, `distance` [m] inside of the drawing."""
     back = outline.offset(distance)
     for before, after in zip(outline.legs, back.legs, strict=True):
         if isinstance(before, Line):
@@ -340,7 +342,7 @@ def _with_spines(surface: Surface, outline: Outline, distance: float, spacing: f
 def _turn_in_space(body: BodyField) -> Array:
     """The matrix of the turn by which a drawing is put in its place, shape [3, 3]."""
     axis, half = axis_of(body.axis), math.radians(0.5 * body.angle)
-    return rotation([*(math.sin(half) * axis / np.linalg.norm(axis)), math.cos(half)])
+    return rotation(np.append(math.sin(half) * axis / np.linalg.norm(axis), math.cos(half)))
 
 
 def axis_of(axis: Sequence[float] | None) -> Array:

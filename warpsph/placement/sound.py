@@ -26,7 +26,7 @@ UPRIGHT = Frame(np.zeros(3), 0.0, 1.0)  # the axes themselves
 
 @dataclass(frozen=True)
 class Need:
-    """What asks for a speed of sound [m/s]: the least that is let pass, the least without a doubt, what is advised."""
+    """Reasons for a speed of sound [m/s]: the least that is let pass, the least without a doubt, the advised one."""
 
     least: float
     enough: float
@@ -35,7 +35,7 @@ class Need:
 
 
 def with_sound(scene: Scene, chosen: Mapping[str, Need] | None = None) -> Scene:
-    """The scene with a speed of sound for each of its materials: as the scene has it, or else what is advised.
+    """The scene with a speed of sound for each of its materials: as the scene has it, or else the advised one.
 
     `chosen` is what `chosen_sound` tells, where that has been asked. Raises SceneError as it does.
     """

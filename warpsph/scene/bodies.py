@@ -102,12 +102,12 @@ class BodyField(Part):
     density: Density | None = Field(None, description="Density [kg/m3].")
     mass: Positive | None = Field(None, description="Mass, instead of the density [kg], in 2-D [kg/m].")
     centre: Annotated[Point | None, PLACE] = Field(
-        None, description="Centre of mass, as drawn [m]; that of the shape when absent."
+        None, description="Centre of mass, as drawn [m]; the shape's own when absent."
     )
     inertia: Annotated[Moments | None, ThreeInSpace("[Jx, Jy, Jz]")] = Field(
         None,
         description="Moment of inertia about the centre [kg m2/m], in 3-D the three [Jx, Jy, Jz] along the axes of the "
-        "drawing [kg m2]; that of the shape when absent.",
+        "drawing [kg m2]; the shape's own when absent.",
     )
     velocity: Point | None = Field(None, description="Velocity at the start or the release [m/s]; at rest when absent.")
     spin: Annotated[Angle | Triple | None, ThreeInSpace("[wx, wy, wz]")] = Field(

@@ -161,7 +161,7 @@ class Mirror(Part):
     normal: Point = Field(description="Direction across the plane, into the fluid; of any length [-].")
     velocity_rule: Literal["free_slip", "no_slip_opposite", "no_slip_wall", "takeda"] = Field(
         "free_slip",
-        description="Velocity of the image that friction sees [-]: mirrored, opposite, that of the wall, or "
+        description="Velocity of the image that friction sees [-]: mirrored, opposite, the wall's own, or "
         "extrapolated linearly from the wall.",
     )
     velocity: Point | None = Field(None, description="Velocity of the wall, along itself [m/s]; at rest when absent.")

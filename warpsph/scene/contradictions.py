@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from warpsph.scene.bodies import LOCKS, BodyField
 from warpsph.scene.fields import marks_of, parts_within
 from warpsph.scene.fluids import RheologyField
-from warpsph.scene.schemes import strange_to_scheme
+from warpsph.scene.schemes import TRAITS, strange_to_scheme
 from warpsph.scene.source import nearest
 from warpsph.scene.whole import INSTRUMENTS, SceneFields
 
@@ -17,7 +17,7 @@ MOST_FRAMES, MOST_SAMPLES = 1_000_000, 5_000_000
 def wants_lists(scene: SceneFields) -> list[str]:
     """The parts of a scene that need lists of neighbours: pair loops other than pressure and density."""
     needs = {
-        "the scheme mueller": scene.scheme == "mueller",
+        f"the scheme {scene.scheme}": TRAITS[scene.scheme].list_reach is not None,
         "antuono's diffusion of density": scene.density_diffusion.model == "antuono",
         "walls of dummy particles": bool(scene.walls) and scene.wall_model.force == "dummy_particles",
         "images": scene.images,

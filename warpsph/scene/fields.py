@@ -190,7 +190,7 @@ class Along:
 PLACE = Along("")
 
 IN_PLANE, IN_SPACE = Only(2), Only(3)
-# How far what is drawn in the plane reaches across; a box and a sphere know it themselves.
+# How far a shape drawn in the plane reaches across; a box and a sphere know it themselves.
 ACROSS = Only(3, needed=True, unless=("box", "sphere"))
 
 Point = Annotated[

@@ -58,7 +58,7 @@ class RheologyField(Part):
         None, description="What keeps the viscosity of a yield stress finite at rest [-]; bi_viscous when absent."
     )
     viscosity_max: Positive | None = Field(
-        None, description="Greatest apparent viscosity [Pa s], which stands for that of a plug."
+        None, description="Greatest apparent viscosity [Pa s], which a plug has in place of an infinite one."
     )
 
     @model_validator(mode="after")

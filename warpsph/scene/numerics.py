@@ -91,8 +91,8 @@ class Shifting(Part):
     strength: Coefficient = Field(6.0, description="Coefficient of the drift, A [-].")
     velocity: Literal["own", "local"] = Field(
         "own",
-        description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or that of the "
-        "place it drifts to, in materials with a viscosity of their own.",
+        description="Velocity of a particle that drifts [-]: its own, so that momentum is conserved, or the "
+        "velocity of the place it drifts to, in materials with a viscosity of their own.",
     )
 
 
@@ -126,7 +126,7 @@ class RunField(Part):
     integrator: Literal["verlet", "predictor_corrector", "runge_kutta", "leapfrog"] = Field(
         "verlet",
         description="How a step is taken [-]: verlet, predictor_corrector (Heun) or runge_kutta (midpoint rule), all "
-        "of second order; verlet keeps energy best; predictor_corrector does not move bodies; leapfrog is that of the "
+        "of second order; verlet keeps energy best; predictor_corrector does not move bodies; leapfrog belongs to the "
         "scheme mueller, which knows no other.",
     )
     max_steps: Annotated[int, Field(strict=True, gt=0, le=2_000_000_000)] | None = Field(

@@ -1,9 +1,8 @@
-"""A scene that holds together: the model of a scene file, and what is known of it as a whole."""
+"""A scene that holds together: the model of a scene file, and facts about the scene as a whole."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import yaml
 from pydantic import PrivateAttr, ValidationError, model_validator
@@ -18,6 +17,13 @@ from warpsph.scene.waves import PADDLE, WaveMaker
 from warpsph.scene.whole import SceneFields
 
 
+class Point(Protocol):
+    """A place [x, y, z], whatever holds its numbers."""
+
+    def __getitem__(self, axis: int, /) -> float:
+        """The coordinate along an axis [m]."""
+
+
 class Scene(SceneFields):
     """A whole scene file."""
 
@@ -29,7 +35,7 @@ class Scene(SceneFields):
         """What has been taken off all places of this scene [m], as `placement.origin` does; 0 as it was read."""
         return self._origin
 
-    def spot(self, point: Sequence[float]) -> str:
+    def spot(self, point: Point) -> str:
         """Where a point [x, y, z] of this scene [m] is, in words and in the coordinates of the user."""
         axes = "xz" if self.dimensions == 2 else "xyz"
         places = {axis: (point["xyz".index(axis)], self.origin["xyz".index(axis)]) for axis in axes}
@@ -109,7 +115,7 @@ _RENAMED = {"viscosity_beta": "artificial_viscosity_beta", "laminar": "viscosity
 
 
 def place(coordinate: float, origin: float) -> str:
-    """A coordinate of a scene [m] in words, `origin` [m] added: to four figures of what the scene is about."""
+    """A coordinate of a scene [m] in words, `origin` [m] added: to four figures of the scene's size."""
     if not origin:
         return f"{coordinate:.4g}"
     return f"{coordinate + origin:.4f}".rstrip("0").rstrip(".")

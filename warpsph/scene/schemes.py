@@ -3,12 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any, Literal
 
 Scene = Any  # of scene.py, which imports this file
 
 SchemeName = Literal["weakly_compressible", "mueller"]
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What other rooms ask of a scheme.
+
+    Attributes:
+        list_reach: Radius of the lists of neighbours, over h; by the smoothing kernel's support when absent.
+        shares_mass: Whether it makes the mass of a particle so that the density is right, whatever the volume.
+        bytes: Its own arrays, a particle, less those of the weakly compressible scheme that it does without.
+    """
+
+    list_reach: float | None = None
+    shares_mass: bool = False
+    bytes: float = 0.0
+
+
+# The kernels of mueller end at h, half as far as the kernel that instruments read with; it has half a step's velocity
+# and impulses of walls, and no rates.
+TRAITS: Mapping[str, Traits] = {
+    "weakly_compressible": Traits(),
+    "mueller": Traits(list_reach=1.6, shares_mass=True, bytes=16.0),
+}
 
 # What a scheme has in place of the general defaults; `*` stands for every entry. It knows nothing else there.
 ONLY: Mapping[str, Mapping[str, Any]] = {
@@ -21,12 +45,12 @@ ONLY: Mapping[str, Mapping[str, Any]] = {
         "run.integrator": "leapfrog",
     },
 }
-# The same of what may be set otherwise.
+# Fields that suit it, and may be set otherwise.
 SUITS: Mapping[str, Mapping[str, Any]] = {"mueller": {"smoothing.ratio": 1.3}}
 
 
 def suited(data: dict[str, Any]) -> dict[str, Any]:
-    """The fields of a scene as they were read, with what its scheme has where they say nothing."""
+    """The fields of a scene as they were read; a field that is left out has the value of the scheme."""
     scheme = data.get("scheme")
     if isinstance(scheme, str):
         for path, value in {**ONLY.get(scheme, {}), **SUITS.get(scheme, {})}.items():

@@ -140,6 +140,6 @@ class DampingZone(Part):
     side: Literal["right", "left"] = Field("right", description="Whether it ends at its right or at its left [-].")
     wavelengths: Annotated[Size, Field(le=1000)] = Field(1.0, description="Its length in wavelengths [-].")
     period: Duration | None = Field(
-        None, description="Period of the waves [s]; that of the wave_maker when absent, at the peak of a sea."
+        None, description="Period of the waves [s], of a sea at its peak; the wave_maker's when absent."
     )
-    depth: Size | None = Field(None, description="Depth of its water [m]; that of the wave_maker when absent.")
+    depth: Size | None = Field(None, description="Depth of its water [m]; the wave_maker's when absent.")

@@ -27,6 +27,7 @@ from warpsph.scene.waves import DampingZone, WaveMaker
 # More than these are a slip, not a scene: each is tested against all others.
 MOST_WALLS, MOST_FLUIDS, MOST_BODIES, MOST_GAUGES = 200, 50, 100, 500
 
+# The lists of instruments of a scene, and the folders of their records.
 INSTRUMENTS = ("gauges", "probes", "forces", "run_up", "overtopping")
 
 

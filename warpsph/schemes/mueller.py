@@ -96,7 +96,7 @@ class Mueller:
         parameters.mass.fill_(float(parameters.rest_density.numpy()[0]) * dx * dx)
 
     def _share_mass(self) -> None:
-        """The mass of a particle so that density is that of the material on the average, eq 3.34."""
+        """The mass of a particle with which the density is the material's on the average, eq 3.34."""
         parameters, density = self._model.parameters, self._state.density.numpy()
         rho0 = float(parameters.rest_density.numpy()[0])
         mass = float(parameters.mass.numpy()[0]) * rho0 * density.sum() / np.square(density).sum()

@@ -91,9 +91,9 @@ class WeaklyCompressible:
         ]
 
     def two_stage(self) -> list[Act]:
-        """All rates where the step begins, then all rates at what is predicted with them: Vasco (2014) 4.12.1, 4.12.3.
+        """All rates where the step begins, then at the state predicted with them: Vasco (2014) 4.12.1, 4.12.3.
 
-        Bodies drift, kick, drift: of the rates in the middle of a step, those of runge_kutta, they have the reaction.
+        Bodies drift, kick, drift: the rates in the middle of a step, where runge_kutta has them, give their loads.
         """
         act, fluid, bodies, clock = self._act, self.fluid, self._bodies, self._clock
         reach = REACH[self._model.scene.run.integrator]
@@ -145,7 +145,7 @@ class WeaklyCompressible:
         return list(self.fluid.settle())
 
     def pack(self) -> list[Stage]:
-        """The ghosts of what was packed."""
+        """Pack the ghosts of the particles packed."""
         return list(self._ghosts.moved())
 
     def show(self) -> list[Stage]:
@@ -163,7 +163,7 @@ class WeaklyCompressible:
         return min(dt, viscous.longest_step) if viscous else dt
 
     def first_dt(self) -> float:
-        """Half of what sound allows, or what viscosity does."""
+        """Half of the step that sound allows, or the step that viscosity allows."""
         scene, viscous = self._model.scene, self._model.viscous
         by_sound = 0.5 * scene.run.courant * scene.smoothing_length / max(self._model.parameters.sound_speed.numpy())
         return min(by_sound, viscous.longest_step) if viscous else by_sound
@@ -176,7 +176,7 @@ class Integrator:
     Attributes:
         acts: What a step does, in order.
         evaluations: Evaluations of the forces a step.
-        sweeps: Sweeps over all pairs a step; those of Verlet give one half of the rates each.
+        sweeps: Sweeps over all pairs a step; each sweep of Verlet gives one half of the rates.
     """
 
     acts: Callable[[WeaklyCompressible], list[Act]]

@@ -191,7 +191,7 @@ def solid_mass(
     centre: ArrayLike | None = None,
     inertia: ArrayLike | None = None,
 ) -> MassProperties:
-    """Mass properties of what `mesh` encloses, exact for its triangles.
+    """Mass properties of the solid that `mesh` encloses, exact for its triangles.
 
     Of `density` [kg/m3] and `mass` [kg] one is
     given; `centre` [m] and the `inertia` about it [kg m2], shape [3, 3], replace the values of a uniform body.

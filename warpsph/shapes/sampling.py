@@ -92,8 +92,8 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
     movable = np.arange(len(points)) >= len(fixed)
     for _ in range(RELAXATIONS):
         owner = _nearest(middles, piece_normals, points, normals, spacing)
-        weight = np.bincount(owner, areas, len(points))
-        centre = np.stack([np.bincount(owner, areas * x, len(points)) for x in middles.T], axis=1)
+        weight = _sums(owner, areas, len(points))
+        centre = np.stack([_sums(owner, areas * x, len(points)) for x in middles.T], axis=1)
         has_area = movable & (weight > 0.0)
         centre[has_area] /= weight[has_area, None]
         # Back onto the surface: onto the plane of the piece that is nearest to the middle.
@@ -107,7 +107,7 @@ def surface_of_mesh(mesh: Mesh, spacing: float) -> Surface:
         points[has_area] = centre[has_area] - off[:, None] * n
         normals[has_area] = n
     owner = _nearest(middles, piece_normals, points, normals, spacing)
-    shares = np.bincount(owner, areas, len(points))
+    shares = _sums(owner, areas, len(points))
     kept = shares > 0.0
     nothing = np.zeros((int(kept.sum()), 3))
     return Surface(points[kept], normals[kept], shares[kept], nothing, nothing)
@@ -175,9 +175,9 @@ def _feature_points(mesh: Mesh, facing: Array, spacing: float) -> tuple[Array, A
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
         count = max(1, math.ceil(lengths[-1] / spacing - 1e-9))
         stops = np.arange(0 if is_loop else 1, count) * lengths[-1] / count
-        edge = [path[i + 1][1] for i in np.clip(np.searchsorted(lengths, stops, side="right") - 1, 0, len(path) - 2)]
+        along = np.clip(np.searchsorted(lengths, stops, side="right") - 1, 0, len(path) - 2)
         points += list(np.stack([np.interp(stops, lengths, x) for x in places.T], axis=1))
-        normals += [unit(between[e], UP) for e in edge]
+        normals += [unit(between[path[i + 1][1]], UP) for i in along]
     return np.array(points).reshape(-1, 3), np.array(normals).reshape(-1, 3)
 
 
@@ -221,6 +221,11 @@ def along_curve(points: Array, spacing: float) -> NDArray[np.int64]:
     return key
 
 
+def _sums(owner: NDArray[np.int64], weights: Array, count: int) -> Array:
+    """The sum of the weights of each of so many owners, shape [count]."""
+    return np.bincount(owner, weights, count).astype(float, copy=False)
+
+
 def _nearest(places: Array, place_normals: Array, points: Array, normals: Array, spacing: float) -> NDArray[np.int64]:
     """The nearest of `points` on the same side of the shape, for each of `places`, shape [n]."""
     cell = 1.5 * spacing
@@ -253,7 +258,7 @@ def _nearest(places: Array, place_normals: Array, points: Array, normals: Array,
         best = np.argmin(distance, axis=1)
         found = np.isfinite(np.take_along_axis(distance, best[:, None], axis=1)[:, 0])
         owner[rows] = np.where(found, np.take_along_axis(some, best[:, None], axis=1)[:, 0], -1)
-    for row in np.flatnonzero(owner < 0):  # a place that no point is near: seldom, and only at first
-        gap = ((points - places[row]) ** 2).sum(axis=1)
-        owner[row] = int(np.argmin(np.where(normals @ place_normals[row] > 0.05, gap, gap + 1e6)))
+    for lone in np.flatnonzero(owner < 0):  # a place that no point is near: seldom, and only at first
+        gap = ((points - places[lone]) ** 2).sum(axis=1)
+        owner[lone] = int(np.argmin(np.where(normals @ place_normals[lone] > 0.05, gap, gap + 1e6)))
     return owner

@@ -132,7 +132,7 @@ def plane_mass(
     centre: ArrayLike | None = None,
     inertia: float | None = None,
 ) -> MassProperties:
-    """Mass properties of a slice 1 m wide of what `outline` encloses.
+    """Mass properties of a slice 1 m wide of the area that `outline` encloses.
 
     Of `density` [kg/m3] and `mass` [kg/m] one is given. `centre` [x, z] [m] and `inertia` about it [kg m] replace those
     of a uniform body.

@@ -1,6 +1,6 @@
 """Bodies of fluid as they are drawn, and the lattices that they are cut from.
 
-Points are [x, y, z]. In a 2-D scene they have y = 0, and what is drawn has no width: areas are for each metre of it.
+Points are [x, y, z]. In a 2-D scene they have y = 0, and a drawing has no width: areas are for each metre across.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Together:
         found = [launch for part in self._parts for launch in part()]
         launches = [launch for launch in found if isinstance(launch, Launch)]
         if len(found) > 1:
-            assert len(launches) == len(found), "what is no launch cannot go together with others"
+            assert len(launches) == len(found), "only launches can go together with others"
             return {self._name: self._launcher.chain(*launches)}
         return {self._name: found[0]} if found else {}
 

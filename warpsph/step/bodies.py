@@ -151,7 +151,7 @@ class Coupling:
         return [together(self.set.drift(0.0, 0.5, s.time, s.dt), self.set.move_points())]
 
     def push_fluid(self) -> list[Launch]:
-        """What bodies do to the fluid, on top of what walls do: once those have been told."""
+        """What bodies do to the fluid, on top of the walls' share: after the walls."""
         s, m, b = self.state, self.model, self.set
         kernel = wall_acceleration_kernel(m.scene.wall_model.force, m.scene.smoothing.kernel, moving=True)
         points = {

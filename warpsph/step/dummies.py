@@ -19,7 +19,7 @@ from warpsph.step.bodies import Coupling
 
 
 class DummyLists:
-    """The dummies of a state: those of walls, in the order of its model's, then those of bodies.
+    """The dummies of a state: first the walls', in the order of its model, then the bodies'.
 
     Attributes:
         count: How many there are.
@@ -55,45 +55,53 @@ class DummyLists:
         cells = len(self._cells.start) - 1
         self._anywhere = wp.full(cells, 1, dtype=wp.uint8, device=device)
         reach = math.ceil(model.wall_radius * model.grid.inverse_edge)
+        start, blocks = self._cells.start, len(model.wall_block)
         self._mark = [
-            launcher.record_in_order(mark_walls, cells, [model.grid, reach, self._cells.start, model.near_wall]),
-            launcher.record_in_order(
-                kernels.mark_blocks, len(model.wall_block), [model.grid, self._cells.start, model.wall_block]
-            ),
+            launcher.record(mark_walls, cells, model, cells=reach, wall_start=start),
+            launcher.record(kernels.mark_blocks, blocks, model, start=start, used=model.wall_block),
         ]
         self._appended_to: Rows | None = None  # the lists that `append` is bound to
         self._record()
 
     def _record(self) -> None:
         """Bind the launches to the arrays as they are now."""
-        m, s, n, record = self._model, self._state, self._model.particle_count, self._model.launcher.record_in_order
-        around = [m.grid, m.wall_radius, self._anywhere, self._particles.start, self._cells.cell, self._listed]
-        around += [s.listed_position, self.first, self.first, self.list]
-        self._count_fluid = record(wall_points_kernel(listing=False), self.count, around)
-        self._list_fluid = record(wall_points_kernel(listing=True), self.count, around)
-        packed = (s.position_volume, s.velocity_pressure)
-        read = packed if m.layout.by_column else [alias(array, float, 4 * len(array)) for array in packed]
+        m, s, n, record = self._model, self._state, self._model.particle_count, self._model.launcher.record
+        # Wall points around particles are particles around dummies here: each has the place of the other.
+        around = {"radius": m.wall_radius, "near_wall": self._anywhere, "cell": self._cells.cell}
+        around |= {"position": self._listed, "wall_position": s.listed_position, "wall_start": self._particles.start}
+        around |= {"wall_first": self.first, "count": self.first, "list": self.list}
+        self._count_fluid, self._list_fluid = (
+            record(wall_points_kernel(listing), self.count, m, **around) for listing in (False, True)
+        )
+        lists = {"fluid_first": self.first, "fluid_list": self.list}
+        places = {"position": self._position, "velocity": self._velocity, "acceleration": self._acceleration}
         self._press = record(
             kernels.press_dummies_kernel(m.scene.smoothing.kernel, m.scene.dimensions, m.layout),
-            self.count,
-            [
-                *(m.parameters, *read, s.fluid),
-                *(self._position, self._velocity, self._acceleration, self._room, self.first, self.list),
-                *(*(alias(array[n:], wp.vec4, self.count) for array in packed), self.power),
-            ],
+            *(self.count, m, self, s),
+            **(places | lists),
+            room=self._room,
+            position_volume=s.position_volume,
+            velocity_pressure=s.velocity_pressure,
+            position_volume_out=alias(s.position_volume[n:], wp.vec4, self.count),
+            velocity_pressure_out=alias(s.velocity_pressure[n:], wp.vec4, self.count),
         )
         if self._bodies:
-            points, moving = self._bodies.set, slice(self._at_rest, None)
-            places = [points.point_position, points.point_velocity]
-            now = (self._position[moving], self._velocity[moving], self._acceleration[moving])
-            self._move = record(
-                kernels.move_dummies, self._moving, [m.parameters, s.dt, *places, self._bodies.last_velocity, *now]
+            points, mine = self._bodies.set, slice(self._at_rest, None)
+            moving = {name: values[mine] for name, values in places.items()}
+            self._move = record(kernels.move_dummies, self._moving, m, s, points, self._bodies, **moving)
+            self.show = record(
+                *(kernels.show_dummies, self._moving, m.parameters, points),
+                position_volume=alias(s.position_volume[n + self._at_rest :], wp.vec4, self._moving),
+                velocity_pressure=alias(s.velocity_pressure[n + self._at_rest :], wp.vec4, self._moving),
             )
-            behind = [alias(array[n + self._at_rest :], wp.vec4, self._moving) for array in packed]
-            self.show = record(kernels.show_dummies, self._moving, [m.parameters.dimensions, *places, *behind])
-            kernel = kernels.load_dummies_kernel(m.scene.smoothing.kernel, m.formulas.artificial_viscosity)
-            lists = [s.fluid_and_ghosts, self.first, self.list, points.point_force]
-            self._load = record(kernel, self._moving, [m.parameters, self._at_rest, *packed, *lists])
+            self._load = record(
+                kernels.load_dummies_kernel(m.scene.smoothing.kernel, m.formulas.artificial_viscosity),
+                *(self._moving, m, s),
+                **lists,
+                before=self._at_rest,
+                fluid=s.fluid_and_ghosts,
+                force=points.point_force,
+            )
 
     def count_around(self) -> wp.array:
         """Count the particles around each dummy; an array whose last entry is how many that makes."""
@@ -103,7 +111,7 @@ class DummyLists:
         return self.first
 
     def list_around(self, total: int) -> bool:
-        """List them, of whom there are `total`. Returns True where launches must be recorded again: the list grew."""
+        """List these `total` particles. Returns True where launches must be recorded again: the list grew."""
         grown = total > len(self.list)
         if grown:
             self.list = wp.zeros(total + total // 4, dtype=int, device=self._model.launcher.device)
@@ -128,13 +136,20 @@ class DummyLists:
         if self._appended_to is not rows:
             self._appended_to = rows
             self._append = [
-                m.launcher.record_in_order(
+                m.launcher.record(
                     kernels.list_dummies_kernel(m.layout),
-                    m.particle_count,
-                    [
-                        *(m.grid, m.parameters, turn, m.wall_radius, m.near_wall, self._cells.start, self._cells.order),
-                        *(self._particles.cell, s.listed_position, self._listed, count, rows, too_long),
-                    ],
+                    *(m.particle_count, m),
+                    again=turn,
+                    radius=m.wall_radius,
+                    near_dummies=m.near_wall,
+                    dummy_start=self._cells.start,
+                    dummy_order=self._cells.order,
+                    dummy_position=self._listed,
+                    cell=self._particles.cell,
+                    position=s.listed_position,
+                    count=count,
+                    list=rows,
+                    too_long=too_long,
                 )
                 for turn in (0, 1)
             ]
@@ -147,15 +162,18 @@ class DummyLists:
         self._press()
 
     def carry_velocity(self, packed_velocity: wp.array) -> Launch:
-        """The launch that gives the dummies (u, v, w, mu) of the fluid, behind those of the particles."""
+        """The launch that gives dummies the fluid's (u, v, w, mu), behind the particles' in the array."""
         m, s, n = self._model, self._state, self._model.particle_count
-        return m.launcher.record_in_order(
+        return m.launcher.record(
             kernels.carry_velocity_kernel(m.scene.smoothing.kernel),
-            self.count,
-            [
-                *(m.parameters, s.position_volume, packed_velocity, self._position, self._velocity, self._to_wall),
-                *(self.first, self.list, alias(packed_velocity[n:], wp.vec4, self.count)),
-            ],
+            *(self.count, m, s),
+            position=self._position,
+            velocity=self._velocity,
+            to_wall=self._to_wall,
+            fluid_first=self.first,
+            fluid_list=self.list,
+            packed_velocity=packed_velocity,
+            packed_velocity_out=alias(packed_velocity[n:], wp.vec4, self.count),
         )
 
     def take_loads(self) -> Callable[[], None]:
@@ -172,7 +190,6 @@ class DummyLists:
     def book(self, share: float = 1.0) -> Launch:
         """The launch that books what dummies do in a `share` of a step."""
         s = self._state
-        block = -(-self.count // s.block_count)
-        return self._model.launcher.record_in_order(
-            kernels.book_power, s.block_count, [self.count, block, share, s.dt, self.power, s.work]
-        )
+        size = -(-self.count // s.block_count)
+        counts = {"dummy_count": self.count, "block_size": size}
+        return self._model.launcher.record(kernels.book_power, s.block_count, s, self, share=share, **counts)

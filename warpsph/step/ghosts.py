@@ -20,7 +20,7 @@ class Ghosts:
     """
 
     def __init__(self, model: Model, state: State, cells: Cells, count: wp.array) -> None:
-        """`cells` are those of the particles, `count` how many entries each row of the lists has."""
+        """`cells` hold the particles, `count` is how many entries each row of the lists has."""
         self._model, self._state, self._particles, self._count = model, state, cells, count
         n, device, record = model.particle_count, model.launcher.device, model.launcher.record
         self.inner_count = wp.zeros(n, dtype=int, device=device)

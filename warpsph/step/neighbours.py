@@ -103,8 +103,8 @@ class Neighbours:
             values = getattr(self.state, name)
             permuted = alias(self.state.packed, values.dtype, count)
             gather, copy = kernels.gather_kernel(values.dtype), kernels.copy_kernel(values.dtype)
-            launches.append(launcher.record_in_order(gather, count, [self.cells.order, values, permuted]))
-            launches.append(launcher.record_in_order(copy, count, [permuted, values]))
+            launches.append(launcher.record(gather, count, self.cells, values=values, values_out=permuted))
+            launches.append(launcher.record(copy, count, values=permuted, values_out=values))
         return launcher.sequence([*launches, self._round])
 
     def rebuild(self) -> bool:
@@ -198,7 +198,8 @@ class Neighbours:
         model, launcher, rows = self.model, self.model.launcher, self.neighbour_list
         n, capacity = model.particle_count, model.parameters.list_capacity
         cut = wp.empty(n + 1, dtype=int, device=launcher.device)
-        launcher.run(kernels.find_cut_rows, n + 1, [model.parameters, n, rows, self.neighbour_count, cut])
+        found = {"rows": rows, "count": self.neighbour_count, "cut": cut}
+        launcher.run(kernels.find_cut_rows, n + 1, model, **found)
         wp.utils.array_scan(cut, cut, inclusive=False)
         number = int(launcher.read(alias(cut, int, 1, 4 * n))[0])
         if number * MOST_LONG > n:
@@ -212,7 +213,7 @@ class Neighbours:
             shape = model.layout.list_shape(number + number // 4, wanted)
             longer.long_rows = wp.zeros(shape, dtype=int, device=launcher.device)
             self.neighbour_list = longer
-        launcher.run(kernels.number_long_rows, n, [cut, rows.long_row])
+        launcher.run(kernels.number_long_rows, n, rows, cut=cut)
         self._long_count = number
         return True
 

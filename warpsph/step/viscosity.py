@@ -25,19 +25,19 @@ class Viscosity:
 
     One sweep where sound limits the step. Where viscosity would, the stages of a Runge-Kutta-Legendre scheme carry
     du/dt = F + L(u) over the step at the positions of its middle, and the acceleration is their mean over the step:
-    a step by sound costs the square root of what single sweeps would. The apparent viscosity of the velocity that is
+    a step by sound costs the square root of as many single sweeps. The apparent viscosity of the velocity that is
     predicted for the middle of the step holds for all stages, so that L is linear.
 
     Where walls are dummy particles, fluid sticks to them: before every sweep they are given its velocity anew.
 
     Attributes:
         velocity_viscosity: What the sweeps read, (u, v, w, mu), in a plane (u, x, w, mu); two in turn with stages.
-        seen_velocity: The same of `velocity_pressure`, with that of dummies; only the latter's mu means anything.
+        seen_velocity: The same of `velocity_pressure`, dummies' too; only the dummies' mu means anything.
         material_viscosity: mu_i [Pa s].
         viscosity: The same over the second moment of W around the particle [Pa s].
         rate: L [m/s2], of the first stage and of the last.
         mean_rate: Of the stages so far [m/s2], two in turn.
-        balance: lambda of balance.py, now [1/m]; `state.balance` is that of the step before.
+        balance: lambda of balance.py, now [1/m]; `state.balance` is lambda of the step before.
     """
 
     def __init__(self, model: Model, state: State, neighbours: Neighbours, viscous: Viscous) -> None:
@@ -221,7 +221,7 @@ class Viscosity:
         return {name: self.model.launcher.chain(*launches)} if launches else {}
 
     def _change_with_place(self) -> list[Launch]:
-        """The launch by which velocities become those of the places that particles drift to, if they are to."""
+        """The launch that gives particles the velocities of the places that they drift to, if a scene asks for it."""
         s, chosen = self.state, self.model.scene.shifting
         if chosen.model == "none" or chosen.velocity == "own":
             return []

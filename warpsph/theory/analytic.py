@@ -105,7 +105,7 @@ def herschel_bulkley_free_surface(
 
 
 def plug_thickness(*, depth: float, acceleration: float, density: float, yield_stress: float) -> float:
-    """Thickness [m] of what does not shear below the surface of a layer: tau_y / (rho G), at most all of it."""
+    """Thickness [m] of a layer's upper part, which does not shear: tau_y / (rho G), at most all of it."""
     return min(yield_stress / (density * acceleration), depth)
 
 

@@ -75,7 +75,7 @@ class Slide:
         return self.froude * math.sqrt(self.relative_thickness * self.cosine) * self.relative_mass**0.25
 
     def outside(self, distance: float | None = None, *, basin: bool = False) -> list[str]:
-        """What lies outside of the experiments, a word for each, at a `distance` [m]; of a `basin` those in 3-D."""
+        """What lies outside of the experiments, a word for each, at a `distance` [m]; for a `basin` those in 3-D."""
         values = {"F": self.froude, "S": self.relative_thickness, "M": self.relative_mass, "B": self.relative_width}
         values |= {"slope": self.slope, "P": self.product}
         if distance is not None:

@@ -54,7 +54,7 @@ _BARE = ("output.pictures=false", "output.usd=false")
 
 @dataclass(frozen=True)
 class Case:
-    """One case study: a scene that ships, and what is measured on its finished run."""
+    """One case study: a scene that ships, and the measures of its finished run."""
 
     title: str
     measure: Callable[[Run], list[Result]]
@@ -62,7 +62,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Series:
-    """A scene that ships at several settings (overrides of its fields), and what is measured on the finished runs.
+    """A scene that ships at several settings (overrides of its fields), and the measures of the finished runs.
 
     Pictures and the point cache are left out. What is drawn of the series goes to its folder, beside the runs.
     """
@@ -142,11 +142,12 @@ CASES: Mapping[str, Case | Series] = {
 
 
 def run_case(name: str, scenes: Path, out: Path, *, device: str, threads: int | None) -> list[Result]:
-    """Run the scene of a case into `out`/NAME, or those of a series into `out`/NAME/1 and on, and measure them."""
+    """Run the scene of a case into `out`/NAME, or the scenes of a series into `out`/NAME/1 and on, and measure them."""
     began = time.perf_counter()
     case = CASES[name]
+    settings: list[tuple[str, ...]] = [()]
     if isinstance(case, Case):
-        folders, scene, settings = [out / name], name, [()]
+        folders, scene = [out / name], name
     else:
         folders = [out / name / str(i) for i, _ in enumerate(case.settings, 1)]
         scene, settings = case.scene, [(*setting, *_BARE) for setting in case.settings]

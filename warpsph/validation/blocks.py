@@ -84,7 +84,7 @@ def slide_of(run: Run) -> BlockImpact | None:
     energy = read_record(run.folder / "energy.csv")
     of_block = energy["bodies kinetic [J/m]"] + energy["bodies potential [J/m]"]
     time, level = records[1]
-    # The crest comes back after twice the way to the end of the flume: look from half of that on.
+    # The crest comes back after twice the way to the end of the flume: look from half of that time on.
     back = time > last.fit.crest + (walls[:, 0].max() - far.x) / c
     wave = last.kinetic + last.potential
     # The block lies on the ramp, which goes down along x to a foot at x = 0.
@@ -126,7 +126,7 @@ def amplitude_by_law(
 
 def measure_block_maciel(run: Run) -> list[Result]:
     """Bars: likeness to a solitary wave R2 above 0.98, celerity 3 %, amplitude in the experiment's 0.03 to 0.05 m and
-    within 30 % of what other experiments came to."""
+    within 30 % of other experiments."""
     slide, far = slide_of(run), run.scene.gauges[-1].name
     if slide is None:
         return [NO_WAVE]
@@ -198,8 +198,8 @@ def _measure_series(
     runs: Sequence[Run], folder: Path, name: str, amplitude: Callable[[BlockImpact], float], source: str
 ) -> list[Result]:
     """One line for each speed, and whether amplitudes grow with the Froude number; the curve goes to `folder`."""
-    found = [slide_of(run) for run in runs]
-    if None in found:
+    found = [slide for slide in map(slide_of, runs) if slide is not None]
+    if len(found) < len(runs):
         return [NO_WAVE]
     slides = sorted(found, key=lambda slide: slide.impact.froude)
     froude, heights = [s.impact.froude for s in slides], [amplitude(s) for s in slides]
@@ -237,7 +237,7 @@ def _measure_series(
 
 
 def draw_series(froude: Sequence[float], amplitudes: np.ndarray, by_law: np.ndarray, label: str, out: Path) -> None:
-    """Plot amplitudes, and those of a law where they are not nan, over Froude numbers to the PNG `out`."""
+    """Plot amplitudes, and the amplitudes of a law where they are not nan, over Froude numbers to the PNG `out`."""
     figure, (axes,) = new_plots(1)
     axes.plot(froude, amplitudes, "o-", color=LINE_PALETTE[0], linewidth=1.4, label="computed")
     if not np.isnan(by_law).any():

@@ -62,8 +62,8 @@ def _loads_on_walls(simulation: Simulation, force_out: wp.array) -> Act:
     kernel = load_dummies_kernel(model.scene.smoothing.kernel, model.formulas.artificial_viscosity)
 
     def sums() -> list[Launch]:
-        pairs = [state.position_volume, state.velocity_pressure, state.fluid_and_ghosts, dummies.first, dummies.list]
-        return [model.launcher.record_in_order(kernel, len(force_out), [model.parameters, 0, *pairs, force_out])]
+        lists = {"fluid_first": dummies.first, "fluid_list": dummies.list, "fluid": state.fluid_and_ghosts}
+        return [model.launcher.record(kernel, len(force_out), model, state, before=0, force=force_out, **lists)]
 
     return Together(model.launcher, "loads on walls", sums)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from warpsph.validation.result import Result, against, at_most
 
 SOURCE = "Braga (2018)"
 GRAVITY = 9.8
-# Energy may come back from what is compressed: this much, over what there was at the start, is no divergence.
+# Energy may come back from compression: this share of the energy at the start, on top of it, is no divergence.
 SLACK = 0.01
 
 
@@ -180,7 +181,8 @@ def _rest(study: Study, his: HisRun, run: Run) -> list[Result]:
 def _unbalanced(run: Run) -> float:
     """Momentum at the end less what walls and gravity gave, over what gravity gave."""
     simulation, step = run.simulation, run.scene.run.time_step
-    mass, state = simulation.model.parameters.mass.numpy()[0], simulation.state
+    mass = simulation.model.parameters.mass.numpy()[0]
+    state: Any = simulation.state  # its scheme has given it more arrays
     momentum = float(mass) * state.half_velocity.numpy().astype(float).sum(axis=0)
     weight = float(mass) * simulation.model.particle_count * run.scene.gravity
     given = state.wall_impulse.numpy().sum(axis=0) - [0.0, 0.0, weight * (simulation.time - 0.5 * step)]
@@ -188,7 +190,7 @@ def _unbalanced(run: Run) -> float:
 
 
 def _fall(run: Run) -> float:
-    """How far the centre of mass is off a free fall, over that fall, until walls have done any work."""
+    """How far the centre of mass is off a free fall, over the fall, until walls have done any work."""
     record = read_record(run.folder / "fluids" / "drop.csv")
     time, z = record["time [s]"], record["z [m]"]
     flies = (read_record(run.folder / "energy.csv")["wall work [J/m]"] == 0.0) & (time > 0.0)

@@ -1,4 +1,4 @@
-"""Bars that are known to be missed, and why: `validate` tells them apart from what has broken."""
+"""Bars that are known to be missed, and why: `validate` tells them apart from new failures."""
 
 from collections.abc import Mapping
 from dataclasses import replace

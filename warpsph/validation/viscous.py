@@ -52,12 +52,12 @@ class Profile:
 
     @property
     def error(self) -> float:
-        """Root of the mean square error over that of the exact velocity."""
+        """Root mean square of the error over the root mean square of the exact velocity."""
         return float(np.sqrt(np.mean((self.u - self.exact) ** 2) / np.mean(self.exact**2)))
 
     @property
     def peak(self) -> float:
-        """Relative error of the greatest velocity, that of the exact solution being taken at the particles."""
+        """Relative error of the greatest velocity; the exact one is taken at the particles."""
         return float(self.u.max() / self.exact.max() - 1.0)
 
 
@@ -473,11 +473,11 @@ def _interpolated(run: Run, correction: str, constant: float = 1.0) -> tuple[np.
     exact = place[:, 0] + place[:, 2]
     device, norm = model.launcher.device, model.parameters.kernel_norm
     f = wp.array(exact, dtype=wp.float64, device=device)
-    found, in_every_step = wp.zeros_like(f), [1, wp.zeros(1, dtype=int, device=device)]
+    found, in_every_step = wp.zeros_like(f), {"every": 1, "step": wp.zeros(1, dtype=int, device=device)}
     model.parameters.kernel_norm = norm * constant
-    inputs = [*in_every_step, state.position_volume, state.fluid, lists.neighbour_count, lists.neighbour_list, f]
     kernel = density_filter_kernel(model.formulas.smoothing, correction, by_volume=False, layout=model.layout)
-    model.launcher.run(kernel, model.particle_count, [model.parameters, *inputs, found])
+    fields = {"density": f, "filtered_density": found}
+    model.launcher.run(kernel, model.particle_count, model, state, lists, **in_every_step, **fields)
     model.parameters.kernel_norm = norm
     return found.numpy(), exact
 
