@@ -57,8 +57,8 @@ def message(load, text: str, *overrides: str) -> str:
 def test_defaults(load):
     scene = load(TANK)
     assert scene.gravity == 9.81
-    assert scene.smoothing.kernel == "wendland_c2"
-    assert scene.smoothing_length == pytest.approx(0.14)
+    assert scene.smoothing.kernel == "quintic_spline"
+    assert scene.smoothing_length == pytest.approx(0.142)
     assert scene.wall_spacing == pytest.approx(0.1)
     assert (scene.wall_model.force, scene.xsph) == ("dummy_particles", 0.0)
     assert scene.start_time == 0.0
