@@ -334,7 +334,7 @@ COUNTED = {
     "dam_break": (["spacing=0.02"], 11, 9),
     "column_3d": (["spacing=0.05", "wall_model.force=radial"], 10, 6),
     "couette": ([], 32, 14),
-    "sinking_disc": ([], 28, 8),
+    "sinking_disc": (["wall_model.force=radial"], 28, 8),
     "wave_maker": (["spacing=0.03"], 30, 20),
 }
 
