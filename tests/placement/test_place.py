@@ -491,6 +491,11 @@ def test_a_bed_between_walls_of_other_names_does_not_leak():
             "output.view.z: sees nothing: along z the walls reach from 0 to 2 m",
         ),
         (
+            make(shifting={"model": "fickian"}),
+            "shifting.model: in a fluid without a viscosity of its own it adds energy: two thirds of what a tank that "
+            "sloshes converts, within 6 s; none leaves it alone",
+        ),
+        (
             make(fluids=[shaped({"box": {"min": [1.0, 0.0], "max": [1.18, 1.0]}})]),
             "fluids[0].shape: 20 cells of the lattice cover 11.1% more than its area of 0.18 m2; "
             "its particles are made lighter",

@@ -46,6 +46,7 @@ def doubts_of(
     sites = [position[end - count : end] for count, end in zip(counts, ends, strict=True)]
     found = [
         *_units(scene),
+        *_of_schemes(scene),
         *_of_fluids(scene, sites, drawn),
         *_of_tables(scene, solids),
         *(_bare(scene, walls, drawn, solids, dummies) if scene.wall_model.force == "dummy_particles" else ()),
@@ -64,6 +65,16 @@ def _units(scene: Scene) -> Iterator[SceneError]:
         if 0.5 <= density < LIGHTEST_LIQUID:
             words = f"{density:g} kg/m3 is a gas's; if it is in g/cm3, {1000.0 * density:g} is meant"
             yield scene.error(f"{path}.density", words)
+
+
+def _of_schemes(scene: Scene) -> Iterator[SceneError]:
+    """Shifting of water that sloshes, to which it gives energy."""
+    fluids = {fluid.material for fluid in scene.fluids}
+    if scene.shifting.model != "none" and not all(scene.materials[one].viscosity for one in fluids):
+        words = (
+            "in a fluid without a viscosity of its own it adds energy: two thirds of what a tank that sloshes converts"
+        )
+        yield scene.error("shifting.model", f"{words}, within 6 s; none leaves it alone")
 
 
 def _of_fluids(scene: Scene, sites: Sequence[Array], drawn: Sequence[Array]) -> Iterator[SceneError]:
