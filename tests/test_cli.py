@@ -205,21 +205,39 @@ def test_schema_is_printed(capsys):
         (["scene", LANDSLIDE, "--device", "cuda:7"], "no device named 'cuda:7' here"),
         (["resume", "nowhere"], "nowhere: not a run folder"),
         (["report", "nowhere"], "nowhere: not a finished run"),
-        (["validate", "landslde"], "no validation case named 'landslde'"),
+        (["validate", "landslde"], "no validation case named 'landslde'; did you mean 'landslide'?"),
+        (["validate", "nothing"], "no validation case named 'nothing'; `validate --list` names them"),
+        (["check", "still_water", "--device", "x" * 5000], "xxx...xxx"),
     ],
 )
 def test_mistake_is_one_line_and_writes_nothing(arguments, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run(*arguments) == INPUT
     complaint = capsys.readouterr().err.strip()
-    assert words in complaint and "\n" not in complaint
+    assert words in complaint and "\n" not in complaint and len(complaint) < 600
     assert not list(tmp_path.iterdir())
+
+
+def test_a_word_of_thousands_of_letters_is_not_told_whole(capsys):
+    with pytest.raises(SystemExit, match=f"^{INPUT}$"):
+        run("x" * 5000)
+    assert len(capsys.readouterr().err) < 600
 
 
 def test_a_file_of_results_that_cannot_be_written_is_told_first(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("warpsph.validation.run_case", None)  # would be called only afterwards
     assert run("validate", "still_water", "--json", tmp_path / "no" / "x.json") == MACHINE
     assert capsys.readouterr().err.strip() == f"{tmp_path}/no/x.json: No such file or directory"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("words", [["schema"], ["completion", "bash"], ["list"]])
+def test_what_is_asked_for_does_not_vanish_on_a_full_disk(words, monkeypatch, capsys):
+    """`schema > file` once ended with 0 and an empty file."""
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert run(*words) == MACHINE
+    assert capsys.readouterr().err == "standard output: No space left on device\n"
 
 
 def test_another_run_is_not_overwritten_unasked(finished, tmp_path, capsys):
