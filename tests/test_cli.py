@@ -269,3 +269,23 @@ def test_a_signal_ends_any_command_with_a_line(name, monkeypatch, capsys):
     assert main(["list"]) == STOPPED_EARLY
     assert capsys.readouterr().err == f"stopped {'from the keyboard' if name == 'SIGINT' else f'by {name}'}\n"
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_an_interrupt_while_trimesh_loads_is_not_lost():
+    """It takes whatever is raised then for a part that is missing."""
+    words = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        if name == "scipy.spatial":
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupter())
+try:
+    import warpsph.shapes.mesh
+except KeyboardInterrupt:
+    print("stopped")
+"""
+    done = subprocess.run([sys.executable, "-c", words], cwd=SCENES.parent, capture_output=True, text=True, check=True)
+    assert done.stdout == "stopped\n"

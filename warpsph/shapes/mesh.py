@@ -15,11 +15,11 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from warpsph.device.mesh_queries import MeshQueries
 from warpsph.shapes.points import Array
+from warpsph.shapes.reading import trimesh
 from warpsph.shapes.section import MassProperties, total_mass
 
 log = logging.getLogger("warpsph")
