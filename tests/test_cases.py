@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from warpsph.bodies.motion import read_table
-from warpsph.cli import OK, SCENES, main
+from warpsph.cli import INPUT, OK, SCENES, main
 from warpsph.output.records import read_record
 from warpsph.placement.place import place
 from warpsph.scene.loading import load_scene
@@ -103,6 +103,29 @@ def test_what_cad_writes_is_read_without_noise(file, welded, caplog, monkeypatch
     assert (len(mesh.vertices), len(mesh.triangles)) == (8, 12)
     assert solid_mass(mesh, density=1.0).mass == pytest.approx(np.prod(np.ptp(mesh.vertices, axis=0)), rel=1e-4)
     assert ("are welded to them" in caplog.text) == welded
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda data: data[:400], "is cut: it tells of 12 triangles, and 6 are there"),
+        (lambda data: bytes(range(256)) * 4, "not a mesh that can be read"),
+        (lambda data: b"", "not a mesh that can be read|there are no triangles"),
+    ],
+)
+def test_a_mesh_that_was_cut_or_damaged_is_told(spoil, words, tmp_path):
+    (tmp_path / "cube.stl").write_bytes(spoil((CASES / "stl" / "cube_mm.stl").read_bytes()))
+    with pytest.raises(ValueError, match=words) as caught:
+        read_mesh(tmp_path / "cube.stl")
+    assert "module" not in str(caught.value)
+
+
+def test_a_mesh_that_takes_seconds_is_spoken_of(monkeypatch, capsys):
+    monkeypatch.setattr("warpsph.shapes.mesh.MANY", 11)
+    file = CASES / "stl" / "cube_mm.stl"
+    box = ["check", str(CASES / "stl" / "box.yaml"), "--set", f"bodies[0].shape.mesh={{file: {file}, scale: 0.002}}"]
+    assert main([*box, "--set", "bodies[0].at=[9e3, 0, 0]"]) == INPUT
+    assert capsys.readouterr().err.startswith(f"{file}: looking whether its 12 triangles bound a solid\n")
 
 
 def test_a_ball_of_triangles_is_placed_in_a_moment():

@@ -205,21 +205,39 @@ def test_schema_is_printed(capsys):
         (["scene", LANDSLIDE, "--device", "cuda:7"], "no device named 'cuda:7' here"),
         (["resume", "nowhere"], "nowhere: not a run folder"),
         (["report", "nowhere"], "nowhere: not a finished run"),
-        (["validate", "landslde"], "no validation case named 'landslde'"),
+        (["validate", "landslde"], "no validation case named 'landslde'; did you mean 'landslide'?"),
+        (["validate", "nothing"], "no validation case named 'nothing'; `validate --list` names them"),
+        (["check", "still_water", "--device", "x" * 5000], "xxx...xxx"),
     ],
 )
 def test_mistake_is_one_line_and_writes_nothing(arguments, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert run(*arguments) == INPUT
     complaint = capsys.readouterr().err.strip()
-    assert words in complaint and "\n" not in complaint
+    assert words in complaint and "\n" not in complaint and len(complaint) < 600
     assert not list(tmp_path.iterdir())
+
+
+def test_a_word_of_thousands_of_letters_is_not_told_whole(capsys):
+    with pytest.raises(SystemExit, match=f"^{INPUT}$"):
+        run("x" * 5000)
+    assert len(capsys.readouterr().err) < 600
 
 
 def test_a_file_of_results_that_cannot_be_written_is_told_first(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("warpsph.validation.run_case", None)  # would be called only afterwards
     assert run("validate", "still_water", "--json", tmp_path / "no" / "x.json") == MACHINE
     assert capsys.readouterr().err.strip() == f"{tmp_path}/no/x.json: No such file or directory"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("words", [["schema"], ["completion", "bash"], ["list"]])
+def test_what_is_asked_for_does_not_vanish_on_a_full_disk(words, monkeypatch, capsys):
+    """`schema > file` once ended with 0 and an empty file."""
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        assert run(*words) == MACHINE
+    assert capsys.readouterr().err == "standard output: No space left on device\n"
 
 
 def test_another_run_is_not_overwritten_unasked(finished, tmp_path, capsys):
@@ -251,3 +269,23 @@ def test_a_signal_ends_any_command_with_a_line(name, monkeypatch, capsys):
     assert main(["list"]) == STOPPED_EARLY
     assert capsys.readouterr().err == f"stopped {'from the keyboard' if name == 'SIGINT' else f'by {name}'}\n"
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_an_interrupt_while_trimesh_loads_is_not_lost():
+    """It takes whatever is raised then for a part that is missing."""
+    words = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        if name == "scipy.spatial":
+            sys.meta_path.remove(self)
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupter())
+try:
+    import warpsph.shapes.mesh
+except KeyboardInterrupt:
+    print("stopped")
+"""
+    done = subprocess.run([sys.executable, "-c", words], cwd=SCENES.parent, capture_output=True, text=True, check=True)
+    assert done.stdout == "stopped\n"

@@ -256,7 +256,8 @@ def test_another_rate_of_frames_is_refused_with_its_cause(scene, tmp_path, capsy
 def test_changed_outputs_go_on_and_are_named(folder, capsys):
     edit(folder, "output.samples_per_second", 200.0)
     assert run("resume", folder, "--until", "0.07") == OK
-    assert "goes on with output.samples_per_second, which was 100.0, now 200.0" in capsys.readouterr().err
+    told = "goes on with output.samples_per_second, which was 100.0, now 200.0"
+    assert told in capsys.readouterr().err and told in (folder / "log.txt").read_text()  # before the log was open
     times = read_record(folder / "energy.csv")["time [s]"]
     np.testing.assert_allclose(times, [0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.055, 0.06, 0.065, 0.07], rtol=0, atol=1e-9)
 

@@ -16,8 +16,10 @@ if not hasattr(warpsph, "__version__"):  # beside the caller lies a folder named
 def start() -> int:
     """What the command `warpsph` does, too; stopped while it is still being loaded, it says so in a line."""
     try:
-        from warpsph.cli import main
+        from warpsph.signals import held
 
+        with held():
+            from warpsph.cli import main
         return main(began=BEGAN)
     except KeyboardInterrupt:
         print("stopped from the keyboard", file=sys.stderr)

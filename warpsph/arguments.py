@@ -6,12 +6,21 @@ import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NoReturn
 
 import warpsph
-from warpsph.scene.source import show
+from warpsph.scene.source import readable, show
 
 # No machine has more: threads that share a core get in each other's way.
 MOST_CORES = 1024
+
+
+class _Parser(argparse.ArgumentParser):
+    """One whose complaints are read at a glance, whatever was typed."""
+
+    def error(self, message: str) -> NoReturn:
+        """Tell how it is used, and what is wrong, and leave."""
+        super().error(readable(message))
 
 
 def parser() -> argparse.ArgumentParser:
@@ -19,12 +28,12 @@ def parser() -> argparse.ArgumentParser:
     return _parser_and_commands()[0]
 
 
-def _parser_and_commands() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
-    parser = argparse.ArgumentParser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
+def _parser_and_commands() -> tuple[_Parser, dict[str, _Parser]]:
+    parser = _Parser(prog="warpsph", description="SPH on NVIDIA Warp: waves made by landslides.")
     parser.add_argument("--version", action="version", version=f"warpsph {warpsph.__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", dest="command")
 
-    def command(name: str, help: str) -> argparse.ArgumentParser:
+    def command(name: str, help: str) -> _Parser:
         return commands.add_parser(name, help=help, description=help)
 
     scene = command("scene", "run a scene: records, pictures, a report and a USD cache go to a run folder")

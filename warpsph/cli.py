@@ -23,7 +23,7 @@ from warpsph.arguments import completion, parser
 from warpsph.output.progress import tell
 from warpsph.scene.loading import json_schema, load_scene
 from warpsph.scene.scene import Scene
-from warpsph.scene.source import SceneError, nearest
+from warpsph.scene.source import SceneError, nearest, readable, show
 
 OK, INVALID, INPUT, BLOWN_UP, MACHINE, STOPPED_EARLY = 0, 1, 2, 3, 4, 5
 
@@ -101,7 +101,7 @@ def _run_command(options: argparse.Namespace) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    tell(f"{message}\n", sys.stderr)
+    tell(f"{readable(message)}\n", sys.stderr)
     return code
 
 
@@ -119,15 +119,21 @@ def _open_closed_streams() -> None:
 
 
 def _print(text: object) -> None:
-    tell(f"{text}\n", sys.stdout)
+    """Tell what was asked for. Raises OSError where the file that should take it is full."""
+    if error := tell(f"{text}\n", sys.stdout):
+        raise OSError(error.errno, error.strerror, "standard output")
 
 
 class _Terminal(logging.Handler):
-    """Warnings on the standard error, for as long as anyone reads it."""
+    """Warnings and news of what takes long on the standard error, for as long as anyone reads it."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether it is shown."""
+        return record.levelno >= logging.WARNING or record.name == "warpsph.progress"
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write one line."""
-        tell(f"{self.format(record)}\n", sys.stderr)
+        tell(f"{'warning: ' * (record.levelno >= logging.WARNING)}{self.format(record)}\n", sys.stderr)
 
 
 def _log_to_terminal() -> None:
@@ -136,10 +142,7 @@ def _log_to_terminal() -> None:
     log.propagate = False
     for old in list(log.handlers):
         log.removeHandler(old)
-    handler = _Terminal()
-    handler.setLevel(logging.WARNING)
-    handler.setFormatter(logging.Formatter("warning: %(message)s"))
-    log.addHandler(handler)
+    log.addHandler(_Terminal())
 
 
 def _scene_file(given: Path) -> Path:
@@ -213,7 +216,7 @@ def _finish(run: Any) -> int:
         complaint, code = f"stopped {facts['why']}; `resume {run.folder}` goes on", STOPPED_EARLY
     with (run.folder / "log.txt").open("a", encoding="utf-8") as log:
         log.write("\n".join(filter(None, (told, complaint))) + "\n")
-    _print(told)
+    tell(f"{told}\n", sys.stdout)
     return _complain(complaint, code) if complaint else OK
 
 
@@ -294,7 +297,8 @@ def _validate(options: argparse.Namespace) -> int:
 
     unknown = [name for name in options.cases if name not in CASES]
     if unknown:
-        raise _InputError(f"no validation case named '{unknown[0]}'; there are: {', '.join(CASES)}")
+        known = nearest(unknown[0], CASES) or "; `validate --list` names them"
+        raise _InputError(f"no validation case named {show(unknown[0])}{known}")
     if options.list:
         for name, case in CASES.items():
             _print(f"{name:<20} {case.title}")

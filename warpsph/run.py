@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from logging.handlers import MemoryHandler
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,6 @@ class Run:
         """
         self._began = time.perf_counter() if began is None else began
         folder = Path(folder)
-        self.scene = scene = with_sound(scene)
         self.folder = folder
         columns = _columns(scene)
         paths = [f"{name}.csv" for name in columns]
@@ -73,9 +73,11 @@ class Run:
         if not resume:
             refuse_foreign(folder, overwrite, scene_file, paths, FILES)
         lock = Lock(folder) if folder.is_dir() else None  # while a scene is set up, too, which may take minutes
+        self._early = MemoryHandler(1000, logging.CRITICAL + 1)  # what is told before there is a log.txt
+        log.addHandler(self._early)
         try:
-            if resume:
-                self.scene = scene = refuse_unsound(scene, folder)
+            scene = with_sound(scene)
+            self.scene = scene = refuse_unsound(scene, folder) if resume else scene
             self.simulation = Simulation(scene, device, threads)
             if lock is None:
                 folder.mkdir(parents=True, exist_ok=True)
@@ -93,6 +95,8 @@ class Run:
             if lock is not None:
                 lock.release()
             raise
+        finally:
+            log.removeHandler(self._early)
 
     def _open(self, columns: dict[str, Sequence[str]], resume: bool) -> None:
         """Make all that is written to in the run folder, which is ours."""
@@ -108,6 +112,9 @@ class Run:
         write_whole(folder / "scene.yaml", self._yaml)
         self._log_file = logging.FileHandler(folder / "log.txt", mode="a" if resume else "w", encoding="utf-8")
         self._log_file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+        log.removeHandler(self._early)
+        self._early.setTarget(self._log_file)
+        self._early.close()
         log.addHandler(self._log_file)
         log.setLevel(logging.INFO)  # in a notebook too, where nobody has set it
         if self._lock.left_by:

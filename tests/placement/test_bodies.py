@@ -298,7 +298,7 @@ def test_dummies_of_a_thin_mesh_are_the_layers_for_which_there_is_room(thick):
 
 def test_dummies_of_a_ball_from_a_file_are_those_of_a_ball():
     """Of a radius of 2.5 spacings: two layers, and nothing to complain of in its middle."""
-    one = Faceted(sphere_mesh([0.0, 0.0, 0.0], 0.25), np.eye(3), np.zeros(3)).dummies(0.1, 0.3)
+    one = Faceted(sphere_mesh([0.0, 0.0, 0.0], 0.25), np.eye(3), np.zeros(3)).dummies(0.1, 0.3)  # the third is folds
     radius = np.linalg.norm(one.points, axis=1)
     assert set(np.round(radius[radius > 0.05], 1)) == {0.1, 0.2}
 

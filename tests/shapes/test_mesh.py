@@ -190,6 +190,14 @@ def test_too_thin_to_stand_back(distance):
     assert "\n" not in str(caught.value)
 
 
+def test_a_scan_that_folds_is_told_to_be_made_smoother():
+    """Thick enough, and of triangles much finer than the distance, which are rough."""
+    ball = sphere_mesh([0.0, 0.0, 0.0], 0.1)
+    rough = 1.0 + 0.01 * np.random.default_rng(0).standard_normal(len(ball.vertices))
+    with pytest.raises(ValueError, match=r"or it is rough there: make it smoother, of triangles about 0.04 m wide$"):
+        stood_back(Mesh(rough[:, None] * ball.vertices, ball.triangles), 0.02)
+
+
 def test_distance_to_mesh():
     """From above a face, beyond an edge and a corner, and from inside."""
     off = np.array([[-0.03, -0.02, 0.01], [0.03, -0.02, 0.04], [0.02, 0.03, 0.06], [-0.05, -0.03, -0.01]])

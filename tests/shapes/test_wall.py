@@ -124,3 +124,14 @@ def test_a_sphere_in_a_turned_lattice_stays_a_sphere():
     np.testing.assert_array_equal(ball.holds(cells, frame), inside)
     low, high = ball.bounds(frame)
     assert np.all((cells[inside] > low) & (cells[inside] < high))
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 5])
+@pytest.mark.parametrize("corner", [0.0, 0.123])
+def test_layers_fill_a_square_though_the_last_is_a_point(steps, corner):
+    """A square of an odd number of steps has a point for its innermost layer; without legs it once was a traceback."""
+    corners = corner + 0.04 * steps * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    square = Outline(tuple(Line(a, b) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)), closed=True)
+    points, volumes = Sheet(square).layers(-1, 0.04, 3, ())
+    assert len(points) == steps**2
+    assert volumes == pytest.approx(np.full(steps**2, 0.04**2))

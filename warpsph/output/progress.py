@@ -7,19 +7,25 @@ import time
 from typing import TextIO
 
 
-def tell(text: str, stream: TextIO | None) -> None:
-    """Write to a terminal, a pipe or a file; one that is closed or full ends no run, and is told nothing more."""
+def tell(text: str, stream: TextIO | None) -> OSError | None:
+    """Write to a terminal, a pipe or a file; one that is closed or full ends no run, and is told nothing more.
+
+    Returns why a file, which is full, did not take it; nothing of a pipe that nobody reads any longer.
+    """
+    why = None
     if stream is None:  # closed before the program began
-        return
+        return why
     try:
         stream.write(text)
         stream.flush()
-    except (OSError, ValueError):
+    except (OSError, ValueError) as error:
+        why = error if isinstance(error, OSError) and not isinstance(error, BrokenPipeError) else None
         # What was not taken would be tried again at exit, and fail again.
         with contextlib.suppress(OSError, ValueError):
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, stream.fileno())
             os.close(nowhere)
+    return why
 
 
 class Progress:

@@ -221,7 +221,10 @@ class Faceted:
             return stood_back(self.mesh, depth)
         inner = moved_in(self.mesh, depth)
         left = np.einsum("ij,ij->i", inner.areas, self.mesh.normals)
-        return inner if left.max() > 1e-6 * np.linalg.norm(self.mesh.areas, axis=1).max() else None
+        if left.max() <= 1e-6 * np.linalg.norm(self.mesh.areas, axis=1).max():
+            return None
+        # Near the middle of a ball all of it is folds, of very many edges.
+        return inner if left[left > 0.0].sum() > 0.5 * np.linalg.norm(inner.areas, axis=1).sum() else None
 
     def _is_deep(self, points: Array, depth: float) -> NDArray[np.bool_]:
         """Whether each of `points` lies inside, `depth` [m] at least, shape [n]."""

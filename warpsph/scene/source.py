@@ -18,6 +18,7 @@ NO_LINE = float("inf")
 MOST_WORDS = 8
 # Longer words are not told whole.
 LONGEST_SHOWN = 80
+LONGEST_WORD = 300
 # A text of more letters, or with more values when its anchors have been put in, is no scene.
 MOST_LETTERS, MOST_VALUES = 1_000_000, 100_000
 # A file of numbers of more letters is no record of an experiment.
@@ -82,6 +83,11 @@ def show(value: object) -> str:
 def shortened(words: str, most: int = LONGEST_SHOWN) -> str:
     """The words, without their middle where they are more than `most` letters."""
     return words if len(words) <= most else f"{words[: most // 2]}...{words[-most // 4 :]}"
+
+
+def readable(message: str) -> str:
+    """A message without the middles of words, paths mostly, that nobody reads to their end."""
+    return re.sub(r"\S+", lambda word: shortened(word[0], LONGEST_WORD), message)
 
 
 def read_text(path: Path | str) -> str:

@@ -22,8 +22,11 @@ SLACK = 0.02
 def spread(line: Outline, dx: float) -> tuple[Array, Array]:
     """Points [n, 2] about `dx` [m] apart along a line, and the length that each stands for [m], [n].
 
-    A corner has a point, an end has its first half a step off. Lengths add up to the length of the line.
+    A corner has a point, an end has its first half a step off. Lengths add up to the length of the line; one that has
+    shrunk to a point, in the middle of a square of an odd number of steps, stands for a step.
     """
+    if line.length < 1e-6 * dx:
+        return line.legs[0].points(np.zeros(1)), np.full(1, dx)
     points, shares = [], []
     chains = _chains(line)
     for chain, (opens, closes) in chains:

@@ -15,14 +15,15 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 
 from warpsph.device.mesh_queries import MeshQueries
 from warpsph.shapes.points import Array
+from warpsph.shapes.reading import trimesh
 from warpsph.shapes.section import MassProperties, total_mass
 
 log = logging.getLogger("warpsph")
+news = logging.getLogger("warpsph.progress")  # which the command line shows
 
 # Corners nearer than this share of the size of a mesh are one: files in text, and programs that cut, keep no more.
 WELD = 1e-5
@@ -30,6 +31,8 @@ WELD = 1e-5
 MOST_TRIANGLES, MOST_BYTES = 2_000_000, 1e9
 # So many doubtful places of a mesh are asked exactly.
 MOST_ASKED = 20
+# A mesh of more triangles than these takes seconds, and is spoken of.
+MANY = 20_000
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ def read_mesh(path: Path | str, scale: float = 1.0) -> Mesh:
 @lru_cache(maxsize=8)  # a scene is placed more than once by `check`
 def _read(path: str, scale: float, *_: int) -> Mesh:
     """As `read_mesh`; the file by its size and its time too, should it change."""
+    _refuse_cut(Path(path))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of readers, about nothing that a user could mend
@@ -107,12 +111,16 @@ def _read(path: str, scale: float, *_: int) -> Mesh:
         vertices, triangles = np.asarray(read.vertices, float), np.asarray(read.faces, np.int64)
     except (Exception, SystemExit) as error:  # each format has errors of its own
         first = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        if getattr(error, "name", "") == "charset_normalizer":  # is asked when nothing else can tell letters in it
+            first = "it is damaged, or of another kind"
         hint = ""
         if Path(path).suffix.lower().lstrip(".") not in trimesh.available_formats():
             hint = "; it may be read after python -m pip install meshio"
         raise ValueError(f"{path}: not a mesh that can be read: {first[:120]}{hint}") from None
     if not len(triangles):
         raise ValueError(f"{path}: there are no triangles in it")
+    if len(triangles) > MANY:
+        news.info("%s: looking whether its %s triangles bound a solid", path, f"{len(triangles):,}")
     try:
         mesh, welded = _welded(scale * vertices, triangles)
         if welded:
@@ -121,6 +129,17 @@ def _read(path: str, scale: float, *_: int) -> Mesh:
         return _checked(mesh)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _refuse_cut(path: Path) -> None:
+    """A binary STL has 84 bytes, which tell how many triangles there are, and 50 for each."""
+    if path.suffix.lower() != ".stl":
+        return
+    with path.open("rb") as file:
+        head = file.read(84)
+    told, there = int.from_bytes(head[80:], "little"), (path.stat().st_size - 84) // 50
+    if len(head) == 84 and b"\0" in head and there < told <= MOST_TRIANGLES:
+        raise ValueError(f"{path}: is cut: it tells of {told:,} triangles, and {max(there, 0):,} are there")
 
 
 def solid_mesh(vertices: ArrayLike, triangles: ArrayLike) -> Mesh:
@@ -261,10 +280,11 @@ def stood_back(mesh: Mesh, distance: float) -> Mesh:
     is_turned |= ~is_deep(mesh, back.vertices, 0.7 * distance)
     if is_turned.any():
         x, y, z = mesh.vertices[np.argmax(is_turned)]
-        raise ValueError(
-            f"it is too thin or too small at x = {x:.4g} m, y = {y:.4g} m, z = {z:.4g} m: "
-            f"the points that push the fluid stand {distance:.3g} m inside of it"
-        )
+        words = f"it is too thin or too small at x = {x:.4g} m, y = {y:.4g} m, z = {z:.4g} m: "
+        words += f"the points that push the fluid stand {distance:.3g} m inside of it"
+        if np.median(sizes) < 0.1 * distance**2:  # a scan folds when it is moved in, thick as it is
+            words += f"; or it is rough there: make it smoother, of triangles about {2.0 * distance:.2g} m wide"
+        raise ValueError(words)
     return back
 
 
