@@ -488,7 +488,7 @@ def test_a_run_folder_is_the_same_on_any_number_of_threads(tmp_path):
     """All of it, bodies included, but for when and on what it was run."""
     folders = [tmp_path / str(threads) for threads in (1, 2)]
     for folder in folders:
-        scene = load_scene(SCENES / "sinking_disc.yaml", ["run.end_time=0.1", "warm_up.duration=0.05"])
+        scene = load_scene(SCENES / "sinking_disc.yaml", ["run.end_time=0.1"])
         Run(scene, folder, threads=int(folder.name)).execute()
     one, two = (contents(folder) for folder in folders)
     for files in (one, two):
