@@ -17,7 +17,10 @@ EXPECTED: Mapping[str, Mapping[str, str]] = {
     "wedge_entry": {"peak force": _FIRST_ORDER, "growth of the force": _FIRST_ORDER},
     "block_maciel": {"energy of the wave over *": _SHARE, "the same over its kinetic energy *": _SHARE},
     "block_mki": {"energy of the wave over *": _SHARE, "the same over its kinetic energy *": _SHARE},
-    "reservoir": {"coefficient of discharge less 0.60": "0.64 with a slot ten spacings wide, 0.63 with five: finer ones were not run"},
+    "reservoir": {
+        "coefficient of discharge less 0.60": "0.64 with a slot ten spacings wide, 0.63 with five: finer ones were not "
+        "run"
+    },
     "braga_column": {"it is least at, *": _BY_EYE, "level *": _DENSE},
     "braga_pool": {"it is least at, *": _BY_EYE},
     "braga_collision": {"it is least at, *": _BY_EYE},
