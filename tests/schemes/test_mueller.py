@@ -103,7 +103,11 @@ def test_goes_on_with_the_same_bits(device, tmp_path, bits, resumed):
 
 def test_too_long_a_step_explodes_as_in_4_7():
     """With a millisecond: by the first picture, named 0.01 s, which comes after a hundred steps, that is 0.1 s."""
-    simulation = Simulation(load_scene(BOX, ["run.time_step=0.001"]), "cpu")
+    scene = load_scene(BOX, ["run.time_step=0.001"])
+    (doubt,) = place(scene).warnings
+    assert "run.time_step: 0.001 s is too long" in doubt
+    assert place(load_scene(BOX)).warnings == ()
+    simulation = Simulation(scene, "cpu")
     with pytest.raises(BlowUpError, match="faster than sound"):
         simulation.advance(0.1)
 

@@ -23,6 +23,8 @@ LEAST_ROWS = 5
 LIGHTEST_LIQUID = 25.0
 # What is drawn has a dummy particle within so many spacings, but for the tips of sharp corners.
 BARE = 2.0
+# Steps of a fixed length may be this long, over h / c: a leapfrog step goes unstable at some 0.5.
+FIXED_STEP = 0.4
 # The bed is looked for in at most so many columns.
 MOST_COLUMNS = 20_000_000
 
@@ -68,8 +70,14 @@ def _units(scene: Scene) -> Iterator[SceneError]:
 
 
 def _of_schemes(scene: Scene) -> Iterator[SceneError]:
-    """Shifting of water that sloshes, to which it gives energy."""
+    """Shifting of water that sloshes, to which it gives energy; fixed steps longer than sound allows."""
     fluids = {fluid.material for fluid in scene.fluids}
+    if scene.run.time_step is not None:
+        c = max(scene.materials[one].sound_speed for one in fluids)
+        longest = FIXED_STEP * scene.smoothing_length / c
+        if scene.run.time_step > longest:
+            words = f"{scene.run.time_step:g} s is too long for sound of {c:g} m/s"
+            yield scene.error("run.time_step", f"{words}, and the run may blow up; {longest:.2g} s would do")
     if scene.shifting.model != "none" and not all(scene.materials[one].viscosity for one in fluids):
         words = (
             "in a fluid without a viscosity of its own it adds energy: two thirds of what a tank that sloshes converts"
