@@ -295,7 +295,7 @@ def depth_below_ramp(simulation: Simulation) -> float:
 def test_fastest_block_stays_on_its_ramp(make_scene):
     """block_maciel.yaml in a shorter flume at 6 m/s, twice the highest speed of its series."""
     text = (SCENES / "block_maciel.yaml").read_text()
-    fast = ["bodies[0].velocity=[5.196152, -3.0]", "materials.water.sound_speed=60.0", "warm_up.duration=0.02"]
+    fast = ["bodies[0].velocity=[5.196152, -3.0]", "materials.water.sound_speed=60.0"]
     shorter = ["walls[0].path[2]=[1.8, 0.0]", "walls[0].path[3]=[1.8, 0.6]", "spacing=0.02", "gauges=[]"]
     simulation = Simulation(make_scene(text, *fast, *shorter))
     for time in np.arange(0.0, 0.3, 0.01):
