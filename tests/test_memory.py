@@ -28,7 +28,7 @@ def allocated() -> int:
     [
         ("column_3d", ["spacing=0.0125"]),
         ("column_3d", ["spacing=0.0125", "wall_model.force=radial", "neighbours=cells", "smoothing.ratio=1.2"]),
-        ("floating_box_3d", ["spacing=0.03"]),
+        ("floating_box_3d", []),
         ("landslide", []),
         ("viscous_dam_break", []),
         ("braga_pool", []),
