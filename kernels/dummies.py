@@ -6,7 +6,8 @@ wall, and what they carry is the fluid's, carried on into the wall:
     p_d = (sum_f p_f W_df + (g - a_d) . sum_f rho_f (x_d - x_f) W_df) / sum_f W_df,    not below 0
 
 Adami, Hu & Adams (2012) eq 27, over the fluid particles f around: their pressure, and the slope that it has in fluid
-that moves with the wall. Volume is by the state equation from p_d. Fluid that is pulled off a wall is let go.
+that moves with the wall. Volume is by the state equation from p_d. Fluid that is pulled off a wall is let go. What has
+come too near is pushed back, by rho c^2 (1 - r / r_0)^2 more (`touching`): between two rows of dummies nothing else does.
 
 Of a wall above water nothing may be seen: dummies there, with p_d = 0, push the edge of water at rest down and off the
 wall. A tank of ten rows began to move with 0.14 g in its upper corners and swung at 3 % of sqrt(g H); it is 0.2 % since
