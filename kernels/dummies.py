@@ -7,7 +7,7 @@ wall, and what they carry is the fluid's, carried on into the wall:
 
 Adami, Hu & Adams (2012) eq 27, over the fluid particles f around: their pressure, and the slope that it has in fluid
 that moves with the wall. Volume is by the state equation from p_d. Fluid that is pulled off a wall is let go. What has
-come too near is pushed back, by rho c^2 (1 - r / r_0)^2 more (`touching`): between two rows of dummies nothing else does.
+come too near is pushed back by rho c^2 (1 - r / r_0)^2 more (`touching`): between rows of dummies nothing else does.
 
 Of a wall above water nothing may be seen: dummies there, with p_d = 0, push the edge of water at rest down and off the
 wall. A tank of ten rows began to move with 0.14 g in its upper corners and swung at 3 % of sqrt(g H); it is 0.2 % since
@@ -182,9 +182,8 @@ def press_dummies_kernel(smoothing: str, dimensions: int, layout: Layout) -> wp.
         V, p, power = float(room[d]), float(0.0), float(0.0)
         if weight > 0.0:
             modulus = bulk / weight
-            p = wp.max(pressed + lifted, 0.0) / weight + modulus * touching(
-                least * parameters.inverse_spacing / parameters.inverse_h
-            )
+            nearest = least * parameters.inverse_spacing / parameters.inverse_h
+            p = wp.max(pressed + lifted, 0.0) / weight + modulus * touching(nearest)
             row = density * wp.length(g) / parameters.inverse_spacing
             V *= reached(wp.max(pressed, 0.0) + lifted + moved, row)
             V *= modulus / float(density_of(p, modulus, 1.0, stiffening / weight))
