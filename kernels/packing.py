@@ -58,9 +58,10 @@ def pack_kernel(smoothing: str) -> wp.Kernel:
             if mobility[j] != 0.0:
                 for k in range(plane_offset.shape[0]):
                     n = plane_normal[k]
-                    image = x_j - 2.0 * (wp.dot(x_j, n) - plane_offset[k]) * n
-                    x_ij = x_i - image
-                    gradient += volume[j] * slope(wp.length(x_ij) / h) * x_ij
+                    behind = wp.dot(x_j, n) - plane_offset[k]
+                    if wp.abs(wp.dot(x_i, n) - plane_offset[k]) + wp.abs(behind) < reach:
+                        x_ij = x_i - (x_j - 2.0 * behind * n)
+                        gradient += volume[j] * slope(wp.length(x_ij) / h) * x_ij
         drift = -PACE * h * h * gradient_norm * gradient
         if in_plane != 0:
             drift[1] = 0.0

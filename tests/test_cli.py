@@ -278,7 +278,7 @@ import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
 class Interrupter:
     def find_spec(self, name, path=None, target=None):
-        if name == "scipy.spatial":
+        if name == "scipy":  # which it looks for whether it is installed or not
             sys.meta_path.remove(self)
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Interrupter())

@@ -820,6 +820,6 @@ def test_the_scenes_of_the_manual_load(load):
     assert [load(measured).probes[1].body, load(measured).run_up[0].wall] == ["box", "tank"]
     assert len(place(load(space)).position) == 25 * 10 * 10
     flume = re.sub(r"walls:\n.*\n", walls, space).replace("above: tank", "above: flume")
-    placement = place(load(flume))
+    placement = place(load(flume, "spacing=0.03"))  # a third of the particles to pack
     across = placement.position[:, 1]
     assert 0.0 < across.min() < across.max() < 0.3 and not placement.warnings
