@@ -69,9 +69,13 @@ def pack(scene: Scene, fluids: Sequence[Sites], position: Array, dummies: Dummie
                 "volume": wp.array(volumes, dtype=float),
                 "mobility": wp.array(mobility, dtype=float),
             }
+            to_and_fro = [
+                [0, *bound(pack, (), given | {"position": one, "position_out": other})]
+                for one, other in ((here, there), (there, here))
+            ]
             for sweep in range(sweeps):
                 grid.build(here, reach)
-                launch(pack, len(points), [0, *bound(pack, (), given | {"position": here, "position_out": there})])
+                launch(pack, len(points), to_and_fro[sweep % 2])
                 here, there = there, here
                 if sweep % 10 == 0 and np.abs(here.numpy() - there.numpy()).max() < EVEN * dx:
                     break
